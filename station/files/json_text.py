@@ -2,10 +2,10 @@
 
 import json
 import math
-import os
-import stat
 from pathlib import Path
 from typing import Any, Final
+
+from station.files.ordinary import read_ordinary
 
 #: What taking an unknown document apart may raise: another shape than expected.
 NOT_AS_EXPECTED: Final = (ValueError, LookupError, TypeError, AttributeError, OverflowError)
@@ -16,13 +16,7 @@ MOST_BYTES: Final = 4_000_000
 def read_json(path: Path, most_bytes: int = MOST_BYTES) -> Any:
     """The value in a file that anybody may have put there: a pipe in its place is not waited for, and nothing longer is
     read. Errors: OSError; ValueError as parse_json."""
-    with open(path, "rb", opener=_without_waiting) as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise ValueError("it is no ordinary file")
-        data = file.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise ValueError(f"it is longer than {most_bytes} bytes")
-    return parse_json(data)
+    return parse_json(read_ordinary(path, most_bytes))
 
 
 def parse_json(text: str | bytes, *, finite: bool = True) -> Any:
@@ -34,10 +28,6 @@ def parse_json(text: str | bytes, *, finite: bool = True) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-
-
-def _without_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def _finite(text: str) -> float:

@@ -10,7 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from station.errors import ConfigError, UsageError
-from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 
 #: RFC 7914 and OWASP's floor: N = 2¹⁷, r = 8, p = 1, about 0.2 s and 128 MiB for one guess.
@@ -81,7 +81,7 @@ def load(path: Path) -> dict[str, Account]:
     if not path.exists():
         return {}
     try:
-        rows = parse_json(path.read_text(encoding="utf-8"))["accounts"]
+        rows = read_json(path)["accounts"]
         return {str(r["name"]): Account(str(r["name"]), Role(r["role"]), str(r["password"])) for r in rows}
     except (OSError, *NOT_AS_EXPECTED) as exc:
         raise ConfigError("accounts-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc

@@ -12,6 +12,7 @@ from typing import IO, Any
 from station.errors import LogError, StoreFault
 from station.files import lock
 from station.files.json_text import parse_json
+from station.files.ordinary import open_ordinary
 from station.messages import system_reason
 
 SCHEMA = "station.panel-journal/1"
@@ -28,7 +29,8 @@ class Journal:
     def add(self, person: str, deed: str, **detail: Any) -> None:
         """Appends one line and waits until it is on the disk. Errors: StoreFault: what cannot be kept is not done."""
         try:
-            with self.path.open("a+b", buffering=0) as file:
+            handle = open_ordinary(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
+            with os.fdopen(handle, "a+b", buffering=0) as file:
                 lock.wait_for(file.fileno())
                 _end_torn_line(file)
                 line = {
@@ -50,7 +52,7 @@ class Journal:
         Errors: LogError at the first line that does not follow from the one before.
         """
         previous = _FIRST_PREVIOUS
-        if not self.path.exists():
+        if not self.path.is_file():
             return
         with self.path.open("rb") as file:
             for number, raw in enumerate(file, 1):

@@ -22,6 +22,8 @@ from station.ports.log_reader import LogReader
 from station.ports.store import Store
 
 SEALED_EVENT = "journal-sealed"
+#: So much of what was written since the last seal is looked at; that holds more than as many lines as may wait.
+_MOST_LOOKED_AT = 1 << 20
 #: More seals than any log holds.
 _ALL = 1 << 40
 
@@ -66,9 +68,12 @@ class UnsealedLines:
         self._sealed_bytes, self._since_s = size, None
 
     def _count(self) -> int:
-        with suppress(OSError), companion_file(self.database, Companion.JOURNAL).open("rb") as file:
-            file.seek(self._sealed_bytes)
-            return file.read().count(b"\n")
+        path = companion_file(self.database, Companion.JOURNAL)
+        with suppress(OSError):
+            if path.is_file():
+                with path.open("rb") as file:
+                    file.seek(self._sealed_bytes)
+                    return file.read(_MOST_LOOKED_AT).count(b"\n")
         return 0
 
 
@@ -150,6 +155,8 @@ def _detail(text: str) -> dict[str, Any]:
 
 def _hashes(path: Path) -> Iterator[str]:
     """SHA-256 of each whole line."""
+    if not path.is_file():
+        return
     with suppress(FileNotFoundError), path.open("rb") as file:
         for line in file:
             if line.endswith(b"\n"):

@@ -12,13 +12,20 @@ def owner_pid(database: Path) -> int | None:
     A pid in the lock file counts only while that process has the file open: pids are used again, locks are not
     taken here, because even a short one would turn a starting run away.
     """
-    lock = companion_file(database, Companion.OWNER)
+    lock, pid = companion_file(database, Companion.OWNER), named_pid(database)
     try:
-        pid = int(read_json(lock)["pid"])
         handles = list(Path(f"/proc/{pid}/fd").iterdir())
-    except (OSError, ValueError, KeyError, TypeError):
+    except OSError:
         return None
     return pid if any(_same_file(handle, lock) for handle in handles) else None
+
+
+def named_pid(database: Path) -> int | None:
+    """The pid that stands in the lock file, of an owner of now or of before; None where there is none."""
+    try:
+        return int(read_json(companion_file(database, Companion.OWNER))["pid"])
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
+        return None
 
 
 def _same_file(handle: Path, lock: Path) -> bool:

@@ -13,9 +13,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.owner import named_pid
+
 _END = b"end"
 _CREDENTIALS = struct.Struct("3i")
-_LONGEST = 4096
+_LONGEST, _NOBODY = 4096, -1
 #: What a request brings: its bytes and the user id of who wrote; and what it is answered, or None.
 Answer = Callable[[bytes, int], bytes | None]
 
@@ -45,15 +48,29 @@ def answering_requests(path: Path, mode: int, answer: Answer, name: str) -> Iter
         path.unlink(missing_ok=True)
 
 
-def ask(path: Path, request: bytes, patience_s: float) -> bytes | None:
-    """The answer of who listens there; None where nobody does, or this user may not ask."""
+def ask(database: Path, companion: Companion, request: bytes, patience_s: float) -> bytes | None:
+    """The answer of the log's owner at that socket; None where nobody listens, this user may not ask, or somebody else
+    answers who has put a socket of their own there."""
+    path = companion_file(database, companion)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mouth, suppress(OSError):
+        mouth.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         mouth.bind("")  # an address of its own, made by the system, for the answer
         mouth.settimeout(patience_s)
         with _short(path) as address:
             mouth.sendto(request, address)
-        return mouth.recv(_LONGEST)
+        answer, ancillary, _, _ = mouth.recvmsg(_LONGEST, socket.CMSG_SPACE(_CREDENTIALS.size))
+        pid, user = _sender(ancillary)
+        return answer if _speaks_for(database, pid, user) else None
     return None
+
+
+def _speaks_for(database: Path, pid: int, user: int) -> bool:
+    """Whether the log is that user's or that process', or the user is who asks."""
+    if user in (0, os.geteuid()) or pid == named_pid(database):
+        return True
+    with suppress(OSError):
+        return user == database.stat().st_uid
+    return False
 
 
 def _bound(path: Path, mode: int) -> socket.socket:
@@ -86,16 +103,17 @@ def _listen(ear: socket.socket, end: socket.socket, answer: Answer) -> None:
         if end in ready:
             return
         data, ancillary, flags, sender = ear.recvmsg(_LONGEST, socket.CMSG_SPACE(_CREDENTIALS.size))
-        user = _user(ancillary)
-        made = None if user is None or flags & socket.MSG_TRUNC else answer(data, user)
+        _, user = _sender(ancillary)
+        made = None if user == _NOBODY or flags & socket.MSG_TRUNC else answer(data, user)
         if sender and made is not None:
             with suppress(OSError):  # it no longer waits
                 ear.sendto(made, socket.MSG_DONTWAIT, sender)
 
 
-def _user(ancillary: list[tuple[int, int, bytes]]) -> int | None:
-    """The user's id as the kernel vouches for it."""
+def _sender(ancillary: list[tuple[int, int, bytes]]) -> tuple[int, int]:
+    """Process and user as the kernel vouches for them."""
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, socket.SCM_CREDENTIALS):
-            return int(_CREDENTIALS.unpack(data[: _CREDENTIALS.size])[1])
-    return None
+            pid, user, _ = _CREDENTIALS.unpack(data[: _CREDENTIALS.size])
+            return pid, user
+    return _NOBODY, _NOBODY

@@ -56,7 +56,7 @@ def hand_over(database: Path, kind: str, document: Mapping[str, Any]) -> bool:
     Errors: what the owner refuses it with, as a UsageError or StoreFault.
     """
     request = json.dumps({"kind": kind, **document}).encode()
-    answer = ask(companion_file(database, Companion.SEALING), request, PATIENCE_S)
+    answer = ask(database, Companion.SEALING, request, PATIENCE_S)
     if answer is None or answer == _SEALED:
         return answer is not None
     refused = parse_json(answer)

@@ -35,7 +35,7 @@ def listening_for_stop(database: Path, stop: Callable[[str], None]) -> Iterator[
 
 def stop_by_socket(database: Path, patience_s: float = PATIENCE_S) -> int | None:
     """Asks the run on this log to stop; its pid. None where nobody listens, or this user may not ask."""
-    answer = ask(companion_file(database, Companion.STOP), _STOP, patience_s) or b""
+    answer = ask(database, Companion.STOP, _STOP, patience_s) or b""
     with suppress(ValueError):
         return int(answer.removeprefix(_STOPPING)) if answer.startswith(_STOPPING) else None
     return None

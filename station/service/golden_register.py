@@ -21,7 +21,7 @@ from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import ConfigError, LogError, ReferenceOverdue, StationFault, UsageError
-from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
@@ -39,7 +39,7 @@ def load(path: Path) -> dict[str, RegisteredUnit]:
     if not path.exists():
         return {}
     try:
-        units = parse_json(path.read_text(encoding="utf-8"))["units"]
+        units = read_json(path)["units"]
         return {u["serial"]: _expected(u) for u in units}
     except (OSError, *NOT_AS_EXPECTED) as exc:
         raise ConfigError("golden-register-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc

@@ -12,7 +12,7 @@ from statistics import median
 from typing import Any
 
 from station.errors import LogError, UsageError
-from station.files.json_text import parse_json
+from station.files.json_text import read_json
 from station.files.replace import replace_text
 from station.panel_protocol.companion import Companion, companion_file
 from station.ports.log_reader import Attempt, LogReader, Query
@@ -25,6 +25,8 @@ MOST_UNITS, MOST_LISTED = 200, 50
 #: So many diagnoses at a time: each keeps a core busy, and the station works beside it.
 MOST_PARALLEL = 1
 #: Until the first has shown how long it takes here: to start, and for each sample, s.
+#: No diagnosis of so many units as the page takes is longer.
+_MOST_BYTES = 64_000_000
 _START_S, _SAMPLE_S = 3.0, 1e-4
 
 
@@ -148,7 +150,7 @@ def _expected_s(folder: Path, job: DiagnosisJob) -> float:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        document = parse_json(path.read_text(encoding="utf-8"))
+        document = read_json(path, _MOST_BYTES)
     except (OSError, ValueError):
         return {}
     return document if isinstance(document, dict) else {}

@@ -1,16 +1,22 @@
 """Runs are processes of their own: started in their own session, found again by their lock, stopped by a signal."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.errors import UsageError
+from station.errors import StoreFault, UsageError
+from station.files.ordinary import open_ordinary, read_ordinary
+from station.messages import system_reason
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
 from station.panel_protocol.stop import signal_stop
 from station.panel_protocol.stop_socket import stop_by_socket
+
+#: A run that repeats itself on its standard error has a long one.
+_MOST_ERRORS = 16_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +72,7 @@ class RunLauncher:
         if self.pid() is not None:
             raise UsageError("run-under-way")
         words = [sys.executable, "-P", "-m", "station", *self.order.words(units, operator)]
-        with self._errors().open("wb") as errors:
+        with os.fdopen(self._open_errors(), "wb") as errors:
             self._child = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True
             )
@@ -85,10 +91,18 @@ class RunLauncher:
     def last_words(self) -> str:
         """The last sentence of the last run started here on its standard error, or ''."""
         try:
-            lines = self._errors().read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        except OSError:
+            text = read_ordinary(self._errors(), _MOST_ERRORS).decode("utf-8", "replace")
+        except (OSError, ValueError):
             return ""
+        lines = text.strip().splitlines()
         return lines[-1].removeprefix("station: ")[:500] if lines else ""
+
+    def _open_errors(self) -> int:
+        """The file of the run's errors, emptied. Errors: StoreFault where a link or a pipe stands there."""
+        try:
+            return open_ordinary(self._errors(), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        except OSError as exc:
+            raise StoreFault("file-not-written", file=str(self._errors()), why=system_reason(exc)) from exc
 
     def _errors(self) -> Path:
         return companion_file(self.order.database, Companion.ERRORS)

@@ -12,7 +12,7 @@ from station.adapters.alert_channels.webhook import Webhook
 from station.adapters.clock import SystemClock
 from station.config.settings import AlertSettings, MailSettings, Settings
 from station.errors import ConfigError
-from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.owner import OwnerLock
 from station.files.replace import replace_text
 from station.files.system_errors import os_error_reason
@@ -43,7 +43,7 @@ def alert_book_path(database: Path) -> Path:
 def read_book(database: Path) -> AlertBook:
     """The book as it was last kept; an empty one where there is none, or none that can be read."""
     try:
-        return AlertBook.of(parse_json(alert_book_path(database).read_text(encoding="utf-8")))
+        return AlertBook.of(read_json(alert_book_path(database)))
     except (OSError, *NOT_AS_EXPECTED):
         return AlertBook()
 

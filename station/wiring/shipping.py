@@ -13,7 +13,7 @@ from station.adapters.shipping.client import PlantClient
 from station.adapters.store.outbox import LogOutbox
 from station.config.settings import ReceiverSettings, Settings
 from station.errors import ConfigError, StationError, StoreFault
-from station.files.json_text import NOT_AS_EXPECTED, parse_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.owner import OwnerLock
 from station.files.replace import replace_text
 from station.files.system_errors import os_error_reason
@@ -28,7 +28,7 @@ REPORT_EVERY_S = 1.0
 def read_statuses(database: Path) -> list[ShippingStatus]:
     """How far each plant has the log, as whoever ships last said; nothing where nobody ever shipped."""
     try:
-        document = parse_json(companion_file(database, Companion.SHIPPING).read_text(encoding="utf-8"))
+        document = read_json(companion_file(database, Companion.SHIPPING))
         return [ShippingStatus.of(one) for one in document["receivers"]]
     except (OSError, *NOT_AS_EXPECTED):
         return []

@@ -247,7 +247,7 @@ def test_an_owner_believes_neither_a_stranger_nor_what_the_log_does_not_know(fol
         with pytest.raises(StoreFault, match="holds no attempt"):
             hand_over(database, "signature", {"attempt": "x", "detail": signed | {"by": "ada"}})
         for rubbish in (b"", b"{}", b"[1]", b'{"kind": "account"}', b'{"kind": "shutdown"}', b"\xff" * 5000):
-            assert ask(path, rubbish, 0.05) is None
+            assert ask(database, Companion.SEALING, rubbish, 0.05) is None
         assert store.head().number == number
     assert accounts.load(file) == before
     for place in (folder, *folder.parents[:3]):
@@ -256,7 +256,7 @@ def test_an_owner_believes_neither_a_stranger_nor_what_the_log_does_not_know(fol
     with SqliteStore(database) as store, taking_requests(store, database):
         path.chmod(0o666)  # were the socket open to everybody, the kernel would still name who writes
         with stranger():
-            answer = ask(path, request, 0.2)
+            answer = ask(database, Companion.SEALING, request, 0.2)
     assert (answer == b"sealed") == (os.geteuid() != 0)  # whoever is not root cannot become somebody else
 
 

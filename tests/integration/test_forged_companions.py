@@ -21,7 +21,9 @@ from station.panel_protocol.queue import LoadQueue
 from station.web.line_glance import LineGlance
 from station.web.run_launcher import LaunchOptions, RunLauncher
 from station.web.screen import Screen
+from station.wiring.alerts import read_book
 from station.wiring.jobs import load_job
+from station.wiring.shipping import read_statuses
 from tests.fakes import logs
 
 JOB, _ = load_job("six-point")
@@ -39,6 +41,8 @@ READERS: dict[Companion, Callable[[Path], object]] = {
     Companion.OWNER: owner_pid,
     Companion.LINE: lambda d: (read_line_state(d), LineGlance(d).shown()),
     Companion.LINE_COMMAND: lambda d: LineCommands(d).next(),
+    Companion.SHIPPING: read_statuses,
+    Companion.ALERTS: lambda d: read_book(d).document(),
     Companion.QUESTIONS: lambda d: Questions(companion_file(d, Companion.QUESTIONS)).all(),
 }
 #: Of another shape, nested in what the readers go through.

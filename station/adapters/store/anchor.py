@@ -18,6 +18,7 @@ from station.domain.records import head as heads
 from station.domain.records.head import AnchorFinding, LogEnd, SealedHead
 from station.domain.records.merkle import Tree
 from station.domain.records.tree_head import WitnessReceipt
+from station.files.ordinary import open_ordinary, read_ordinary
 
 #: How the place beside the log is called; every other place may lag by any number of loads.
 HEAD_FILE = "head file"
@@ -47,7 +48,7 @@ class WitnessPlace(AnchorPlace, Protocol):
     """A place that checks for itself that the log it knew is a beginning of the one it is shown."""
 
     def submit(self, head: SealedHead, tree: Tree, replaces: str = "") -> WitnessReceipt:
-        """Shows it the log up to `head`. replaces: the log that this one takes the place of. Errors: OSError."""
+        """Shows it the log up to `head`. replaces: end of the log whose place this one takes. Errors: OSError."""
 
 
 def head_file_path(log: Path) -> Path:
@@ -68,18 +69,14 @@ class HeadFile:
         """Opens the file to be written, making it where there is none. Errors: OSError, also for a link: what it points
         to would be written over."""
         new = not self._path.exists()
-        self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
+        self._handle = open_ordinary(self._path, os.O_RDWR | os.O_CREAT)
         if new:
             sync_folder(self._path)
 
     def read(self) -> SealedHead | None:
         """The head as kept; None where a start was broken off before it was written, too."""
-        if self._path.is_symlink():
-            raise ValueError(f"{self._path} is a link")
-        with suppress(FileNotFoundError):
-            data = self._path.read_bytes()[:_LENGTH]
-            return SealedHead.parse(data.decode("utf-8", "replace")) if data else None
-        return None
+        data = _read(self._path)
+        return SealedHead.parse(data) if data else None
 
     def write(self, head: SealedHead, *, durable: bool) -> None:
         """Writes the line over. Errors: OSError, also where the file was removed, exchanged or given a second name, for
@@ -124,7 +121,7 @@ class AnchorFolder:
         if path is None or not path.exists():
             self.folder.stat()  # a share that is away is no missing head
             return None
-        return SealedHead.parse(path.read_text(encoding="utf-8", errors="replace")[:_LENGTH])
+        return SealedHead.parse(_read(path) or "")
 
     def write(self, head: SealedHead, *, durable: bool) -> None:
         """Keeps the head with finished attempts only: a share may be slow."""
@@ -148,6 +145,19 @@ class AnchorFolder:
         return numbered[max(numbered)] if numbered else None
 
 
+def _read(path: Path) -> str | None:
+    """The line there; None where nothing is. Errors: OSError; ValueError for a link, a folder, a pipe, or what is
+    longer than any head: else whoever puts it there would have the place pass for one that is away."""
+    try:
+        return read_ordinary(path, _LENGTH, follow=False).decode("utf-8", "replace")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise ValueError("it is a link") from error
+        raise
+
+
 def sync_folder(path: Path) -> None:
     """The name of a new file is durable only when its folder is."""
     handle = os.open(path.parent, os.O_RDONLY)
@@ -158,7 +168,7 @@ def sync_folder(path: Path) -> None:
 
 
 def _write_synced(path: Path, data: bytes, flag: int) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | flag, 0o644)
+    handle = open_ordinary(path, os.O_WRONLY | os.O_CREAT | flag)
     try:
         os.write(handle, data)
         os.fsync(handle)

@@ -2,7 +2,7 @@
 
 import os
 import sqlite3
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from station.adapters.store.sqlite_errors import translate_errors
 from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
 from station.files.lock import take
+from station.files.ordinary import is_alone, open_ordinary
 from station.messages import Message
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
@@ -24,12 +25,23 @@ _WAL_USUAL_BYTES = 5 * 1024 * 1024
 _PAGE_BYTES = 4096
 
 
+def check_companions(path: Path, fault: type[StationError]) -> None:
+    """Raises `fault` where SQLite's own files beside the log are a link, a pipe or another file's second name: it would
+    wait for a pipe for ever, and write the log into the other file."""
+    for ending in ("-wal", "-shm", "-journal"):
+        companion = path.with_name(path.name + ending)
+        with suppress(FileNotFoundError):
+            if not is_alone(companion.lstat()):
+                raise fault("log-companion-refused", file=str(companion))
+
+
 def open_for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
     """The log, made or migrated as needed: WAL, synchronous FULL. Errors: StoreFault."""
     with translate_errors(StoreFault, path, "opened"):
         if path.exists() and not path.is_file():
             what = Message("log-is-folder" if path.is_dir() else "log-no-ordinary-file")
             raise StoreFault("log-not-opened", path=str(path), reason=what)
+        check_companions(path, StoreFault)
         if not path.exists() or not path.stat().st_size:
             _make(path.resolve())
         connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
@@ -125,7 +137,7 @@ def _preallocate_wal(wal: Path) -> None:
     over: no zeros are a frame (SQLite, "Database File Format", 4.2). On a disk without room the file keeps its size.
     Written page by page: the kernel keeps what is written in one go as one piece, and a commit would write all of it.
     """
-    handle = os.open(wal, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    handle = open_ordinary(wal, os.O_WRONLY | os.O_CREAT)
     try:
         size = os.fstat(handle).st_size
         starts = range(size, _WAL_USUAL_BYTES, _PAGE_BYTES)
@@ -145,6 +157,7 @@ def open_for_reading(path: Path) -> Database:
     with translate_errors(LogError, path, "read"):
         if not path.is_file():
             raise LogError("log-missing", path=str(path))
+        check_companions(path.resolve(), LogError)
         connection = sqlite3.connect(_uri(path), uri=True, isolation_level=None, check_same_thread=False)
     try:
         with translate_errors(LogError, path, "read"):
