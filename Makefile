@@ -10,6 +10,8 @@ SCALE  ?= 1
 PROCESSES ?= $(shell echo $$(($$(nproc) + 1)))
 # Many small matrices: a second thread of the linear algebra only waits for the first.
 export OPENBLAS_NUM_THREADS ?= 1
+# Tests start Python some hundred times and in several processes: what one of them compiled the others read.
+test blind torture fuzz: export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: docs validation release drawing help run demo test check lock blind torture fuzz bench bench-diagnosis pictures clean
 
@@ -71,7 +73,7 @@ lock:  ## renew the lock files from pyproject.toml
 	uv pip compile --universal --upgrade --quiet --no-emit-index-url --no-emit-find-links --generate-hashes pyproject.toml --group bench --group build -c requirements-dev.lock -o requirements-bench.lock
 
 blind: $(VENV)/.dev  ## hide new causes (make blind SEED=7) and see whether the diagnosis finds them
-	STATION_TESTS=all SEED=$(SEED) $(BIN)/python -m pytest -n $(PROCESSES) tests/blind tests/conformance/test_signatures.py
+	STATION_TESTS=all SEED=$(SEED) $(BIN)/python -m pytest -n $(PROCESSES) tests/blind tests/conformance/test_signatures.py tests/integration/test_diagnose_next_run.py
 
 pictures: $(VENV)/.dev  ## renew the guide's pictures of the page, as the tests see it
 	STATION_PICTURES=docs/pictures $(BIN)/python -m pytest tests/browser

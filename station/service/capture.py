@@ -26,6 +26,8 @@ from station.service.visit_collector import VisitCollector
 
 #: How often the stream is looked at, s, while waiting for rest and while dwelling; how soon a stop is noticed.
 POLL_S, DWELL_POLL_S = 0.05, 0.2
+#: While only time has to pass, a stop may wait so long.
+WAIT_POLL_S = 0.5
 #: How long the part must have been still before it counts, s, and the readings that this needs at least.
 HOLD_S, HOLD_READINGS = 0.2, 16
 #: Readings older than this say nothing about rest.
@@ -64,7 +66,7 @@ class Capture:
         """Lets time pass, with the stream emptied and the operator's stop seen."""
         until_s = self._station.clock.monotonic_s() + duration_s
         while (remaining_s := until_s - self._station.clock.monotonic_s()) > 0:
-            self._pass_over(self._poll(min(DWELL_POLL_S, remaining_s)))
+            self._pass_over(self._poll(min(WAIT_POLL_S, remaining_s)))
 
     def drain(self) -> None:
         """Drops what is waiting: frames from before the arrival belong to no visit, error frames to the next one."""

@@ -22,7 +22,7 @@ SEED = int(os.environ.get("SEED", "1"))
 FAINT = {"cubic", "cross-quadratic", "bias-drift"}
 
 
-@pytest.mark.parametrize("name", portion(KNOWN))
+@pytest.mark.parametrize("name", portion(KNOWN, 9))
 def test_a_known_cause_is_named_sized_paid_for_and_then_silent(name: str) -> None:
     table, truth = hide(recipe(), KNOWN[name], 1000 + SEED, floor=FULL, d=16.0 if name in FAINT else None)
     found = diagnosis_of(recipe(), table)
@@ -37,7 +37,7 @@ def test_a_known_cause_is_named_sized_paid_for_and_then_silent(name: str) -> Non
         assert diagnosis_of(recipe(), table, model).verdict == "none"
 
 
-@pytest.mark.parametrize("name", portion(WRONG_FORM))
+@pytest.mark.parametrize("name", portion(WRONG_FORM, 9))
 def test_a_cause_of_another_form_is_named_all_the_same(name: str) -> None:
     right, hidden = WRONG_FORM[name]
     table, _ = hide(recipe(), hidden, 2000 + SEED, floor=WHITE, d=16.0)
@@ -55,7 +55,7 @@ def test_a_cause_that_explains_nothing_is_not_named_for_an_alarm_of_something_el
     assert found.verdict == ("unknown" if found.search_result.findings else "none")
 
 
-@pytest.mark.parametrize("name", portion(UNKNOWN))
+@pytest.mark.parametrize("name", portion(UNKNOWN, 9))
 def test_what_nobody_knows_is_called_unknown_and_says_on_what_it_depends(name: str) -> None:
     words, hidden = UNKNOWN[name]
     table, _ = hide(recipe(), hidden, 3000 + SEED, floor=WHITE, d=24.0)

@@ -12,6 +12,7 @@ import yaml
 
 from station.cli import app
 from station.config.recipes import recipe_path
+from tests.portion import portion
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -44,15 +45,17 @@ def members(document: dict[str, Any]) -> set[str]:
     return {cause["effect"], *cause["indistinguishable_from"]}
 
 
-@pytest.mark.parametrize(
-    ("effect", "units", "tied", "change"),
-    [
-        ("warm-up", 4, {"clamp-creep"}, "warmed up"),
-        ("offset-temperature=0.0005", 4, {"bias-drift", "warm-up", "clamp-creep"}, "slow"),
-        ("nest-tilt", 2, {"package-rotation"}, "one run once more in the next nest"),
-    ],
-)
-def test_the_proposed_run_tells_it_apart(effect: str, units: int, tied: set[str], change: str, tmp_path: Path) -> None:
+#: By effect: units in which it is hidden, what it is tied with, and what the proposed run changes.
+TIES: dict[str, tuple[int, set[str], str]] = {
+    "warm-up": (4, {"clamp-creep"}, "warmed up"),
+    "offset-temperature=0.0005": (4, {"bias-drift", "warm-up", "clamp-creep"}, "slow"),
+    "nest-tilt": (2, {"package-rotation"}, "one run once more in the next nest"),
+}
+
+
+@pytest.mark.parametrize("effect", portion(TIES))
+def test_the_proposed_run_tells_it_apart(effect: str, tmp_path: Path) -> None:
+    units, tied, change = TIES[effect]
     recipe, name = once(tmp_path), effect.partition("=")[0]
     requested = ("--units", str(units), "--seed", "5", "--effect", effect)
     old, new, following = (tmp_path / n for n in ("old.parquet", "new.parquet", "next.yaml"))
