@@ -123,6 +123,8 @@ class Rig:
         scene, active = self._at(nest, time_s)
         signal = sensor_signal(scene, active)
         moving = time_s < self._arrivals()[scene.visit]
+        if not moving.any():
+            return signal, active
         return signal_during_moves(signal, moving, self._plate(time_s[moving])), active
 
     def _at(self, nest: str, time_s: Floats) -> tuple[Scene, ActiveEffects]:
