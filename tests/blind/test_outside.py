@@ -17,6 +17,7 @@ from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.effects.gain_temperature import GainTemperature
 from station.model.model_file import Model
+from station.model.simulate import SimulationJob, parse_effects, simulate
 from tests.blind.bench import WHITE, Hidden, hide
 from tests.blind.hidden import KNOWN, per_unit
 from tests.blind.inspection import diagnosis_of, null_of
@@ -104,6 +105,17 @@ def test_a_cause_that_laws_resemble_keeps_its_name(name: str) -> None:
     found = searched(KNOWN[name], 1100 + SEED, 16.0)
     assert name in (found.findings[0].name, *found.findings[0].indistinguishable_from)
     assert not found.words
+
+
+@pytest.mark.parametrize(("runs", "sure"), [(1, False), (3, True)])
+def test_an_error_of_each_position_is_sure_only_where_the_order_changed(runs: int, sure: bool) -> None:
+    """In one order a nest that works loose, or a cable that drags more each visit, does the same."""
+    kind = recipe(runs)
+    job = SimulationJob(kind, ("A", "B", "C", "D"), 1300 + SEED, parse_effects(("index-error",), kind))
+    problem = initial_problem(reduce_samples(kind, simulate(job).table), FloorAllowance.of(kind, Model()))
+    (found,) = search_causes(problem, null_of).findings
+    assert found.name == "index-error"
+    assert (found.probability["index-error"] > 0.9) is sure
 
 
 def test_a_cause_of_several_degrees_is_compared_at_all_of_them() -> None:

@@ -64,7 +64,18 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaw
     forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(_forms(problem.accepted[i].candidate, bare.view))]
     ranks = _ranked(bare, forms, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
-    return _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
+    found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
+    in_order = _follows_order(problem.accepted[i].candidate, bare.view)
+    return replace(found, lead=max(found.lead, 0.0)) if in_order else found
+
+
+def _follows_order(accepted: Candidate, view: ResidualView) -> bool:
+    """Whether each position stands at one place of every run's order: whatever changes in that order, by time or by
+    what went before, then fits as well as an error of each position."""
+    if accepted.of != "position":
+        return False
+    places = np.stack([accepted.code, view.scene.visits.visit])
+    return np.unique(places, axis=1).shape[1] == np.unique(accepted.code).size > 1
 
 
 def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
