@@ -11,6 +11,7 @@ from station.cli import _output
 from station.cli._stop_signals import stop_signals, stop_socket
 from station.config.settings import load_config
 from station.domain.cell import symbol_content
+from station.domain.cell.adjustment import ADJUSTABLE
 from station.domain.cell.handover import Bin, Close, Measure, Place, Take
 from station.domain.cell.packml import Command, State
 from station.domain.core.types import NestAssignment
@@ -19,11 +20,12 @@ from station.domain.run.progress import LoadDone, Notice, UnitDone
 from station.errors import StationError, UsageError
 from station.messages import Message, render
 from station.panel_protocol.journal_seal import JournalSealer, sealing_journal
+from station.panel_protocol.line_adjustment import LineAdjustments
 from station.panel_protocol.line_state import LineCommands, LineStateWriter, send_line_command
 from station.panel_protocol.live_state import LiveStateWriter
 from station.panel_protocol.sealing_socket import taking_requests
 from station.service.golden_register import refuse_unless_checked
-from station.service.line import Line, LinePorts, LoadStep, StateEntered
+from station.service.line import Adjusted, Line, LinePorts, LoadStep, StateEntered
 from station.service.runner import Runner
 from station.service.stop_request import StopRequest
 from station.wiring.bench import Bench, open_bench
@@ -92,6 +94,7 @@ class _Shift:
         name = f"{recipe.name}/{recipe.version}"
         self._live = LineStateWriter(bench.database, settings.station, name, tuple(self._nests))
         self._commands = LineCommands(bench.database)
+        self._adjustments = LineAdjustments(bench.database)
         self._clear = request.clear
         self._pending: Command | None = None
         ports = LinePorts(
@@ -103,6 +106,7 @@ class _Shift:
             test=self._measure,
             commands=self._next_command,
             printer=parts.printer,
+            adjustments=self._adjustments.next,
         )
         self._line = Line(
             ports, parts.settings, stop, settings.timeouts.park_s, request.loads, unattended=parts.simulated
@@ -122,6 +126,8 @@ class _Shift:
                 new = event.why if event.why != self._why else None
                 self._why = event.why
                 _output.print_remark(f"{event.state.label}{': ' + render(new) if new else ''}")
+            elif isinstance(event, Adjusted):
+                _output.print_remark(render(Message("line-adjusted", mode=event.mode.label)))
             else:
                 self._tell_step(event, counts)
             self._show()
@@ -142,7 +148,9 @@ class _Shift:
             _output.print_remark(f"load {step.load}: handed back ({bins})")
 
     def _show(self) -> None:
-        line = self._line
+        line, live = self._line, self._live
+        live.counts, live.mode, live.ideal_s = line.counts, line.mode, line.settings.ideal_s
+        live.times_s = {adjustable.name: getattr(line.settings, adjustable.name) for adjustable in ADJUSTABLE.values()}
         self._live.write(line.times, line.journal, line.loads, self._why, self._parts.clock.monotonic_s())
 
     def _next_command(self) -> Command | None:
@@ -166,9 +174,9 @@ class _Shift:
         return [Place(place, self._nests[place], serial) for place, serial in found.items()]
 
     def _label(self, nest: str) -> str:
-        text = self._parts.scanner.read(nest, self._parts.settings.scan_s)
+        text = self._parts.scanner.read(nest, self._line.settings.scan_s)
         if text is None:
-            _output.print_remark(render(Message("line-label-unread", nest=nest, limit_s=self._parts.settings.scan_s)))
+            _output.print_remark(render(Message("line-label-unread", nest=nest, limit_s=self._line.settings.scan_s)))
             return ""
         try:
             return serials_of.check(

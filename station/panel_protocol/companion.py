@@ -24,6 +24,7 @@ class Companion(StrEnum):
     ALERTS = ".alerts.json"  # station.alerts/1, by `station watch --follow`: alerts, and who has got them
     LINE = ".line.json"  # station.line/1, by `station line`: its outer state, load and counts
     LINE_COMMAND = ".line-command.json"  # station.line-command/1, by who serves or steers the line: a PackML command
+    LINE_ADJUSTMENT = ".line-adjustment.json"  # station.line-adjustment/1, by who serves it: unit mode, a few times
     QUESTIONS = ".questions.json"  # station.questions/1, by the page: saved questions of the audit
     DIAGNOSES = ".diagnoses"  # folder of the page's diagnoses
 

@@ -3,13 +3,17 @@
 import json
 import os
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from station.domain.cell.handover import LoadJournal
+from station.domain.cell.adjustment import UnitMode
+from station.domain.cell.handover import Bin, LoadJournal
 from station.domain.cell.packml import Command, State
 from station.domain.cell.state_times import StateTimes
+from station.domain.cell.stop_reasons import StopReason, after_change
+from station.domain.cell.unit_counts import UnitCounts
 from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
 from station.messages import Message
@@ -20,20 +24,27 @@ STATE_SCHEMA, COMMAND_SCHEMA = "station.line/1", "station.line-command/1"
 
 class LineStateWriter:
     """Writes the file of Companion.LINE. The log is the record and this only a view of it: where it cannot be written,
-    nothing stops."""
+    nothing stops. outcomes: of the present load, by serial; counts, mode, times_s, ideal_s: as the line has them."""
 
     def __init__(self, database: Path, station: str, recipe: str, nests: tuple[str, ...]) -> None:
         self._path = companion_file(database, Companion.LINE)
         self._head = {"schema": STATE_SCHEMA, "pid": os.getpid(), "station": station, "recipe": recipe}
         self._nests = nests
+        self._reasons: tuple[StopReason, ...] = ()
         self.outcomes: dict[str, str] = {}
+        self.counts = UnitCounts()
+        self.mode = UnitMode.PRODUCE
+        self.times_s: Mapping[str, float] = {}
+        self.ideal_s = 0.0
 
     def write(self, times: StateTimes, journal: LoadJournal, loads: int, why: Message | None, now_s: float) -> None:
         """The line as it is now; now_s: on the clock of `times`."""
+        at_s = time.time()
+        self._reasons = after_change(self._reasons, times.state, why, at_s)
         serials = {p.nest: p.serial for p in journal.open.places} if journal.open else {}
         document = {
             **self._head,
-            "at_s": time.time(),
+            "at_s": at_s,
             "state": int(times.state),
             "name": times.state.label,
             "why": why.document() if why else None,
@@ -45,6 +56,15 @@ class LineStateWriter:
             ],
             "seconds": {s.label: round(times.total_s(s, now_s), 3) for s in State if times.entries.get(s)},
             "entries": {s.label: count for s, count in times.entries.items()},
+            "mode": int(self.mode),
+            "times_s": dict(self.times_s),
+            "ideal_s": self.ideal_s,
+            "units": {b.name.lower(): [self.counts.since_start.get(b, 0), self.counts.total(b)] for b in Bin},
+            "units_per_hour": self.counts.per_hour,
+            "stop_reasons": [
+                {"why": r.why.document(), "state": int(r.state), "began_s": r.began_s, "ended_s": r.ended_s}
+                for r in self._reasons
+            ],
         }
         with suppress(OSError):
             replace_text(self._path, json.dumps(document, allow_nan=False))

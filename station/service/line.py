@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 from station.config.line import LineSettings
 from station.domain.cell import lamps
+from station.domain.cell.adjustment import MODE_CHANGES_IN, REFUSED_IN_MAINTENANCE, LineAdjustment, UnitMode
 from station.domain.cell.handover import Close, Hold, LoadJournal, Offer, Place, Step, Wait
 from station.domain.cell.packml import Command, State, after_command
 from station.domain.cell.state_times import StateTimes
+from station.domain.cell.unit_counts import UnitCounts
 from station.errors import PlcFault, StationError, StationFault, UsageError
 from station.messages import Message
 from station.ports.cell import Cell, LabelPrinter, UnitLabel
@@ -39,13 +41,21 @@ class LoadStep:
     step: Step
 
 
-LineEvent = StateEntered | LoadStep
+@dataclass(frozen=True, slots=True)
+class Adjusted:
+    """A line controller changed the unit mode or a time; refused: the mode, which stays what it was in this state."""
+
+    mode: UnitMode
+    refused: bool
+
+
+LineEvent = StateEntered | LoadStep | Adjusted
 
 
 @dataclass(frozen=True, slots=True)
 class LinePorts:
     """What a line is made of. identify: reads the labels of these places; test: takes units through the recipe, and
-    returns the fault that ended it for everybody; commands: what somebody wants, None where nobody wants anything."""
+    returns the fault that ended it for everybody; commands, adjustments: what somebody wants, None for nothing."""
 
     cell: Cell
     store: Store
@@ -55,6 +65,7 @@ class LinePorts:
     test: Callable[[Sequence[Place]], StationError | None]
     commands: Callable[[], Command | None]
     printer: LabelPrinter | None = None
+    adjustments: Callable[[], LineAdjustment | None] = lambda: None
 
 
 class Line:
@@ -81,12 +92,24 @@ class Line:
         self._waited_from_s: float | None = None
         self._silent_from_s: float | None = None
         self._by_hand = False  # after a stop or abort that somebody wanted, nothing starts by itself
+        self._mode = UnitMode.PRODUCE
+        self._counts = UnitCounts.after(self._journal.handed_back())
         self.loads = 0
 
     @property
     def state(self) -> State:
         """The outer state."""
         return self._times.state
+
+    @property
+    def mode(self) -> UnitMode:
+        """In maintenance nothing starts."""
+        return self._mode
+
+    @property
+    def settings(self) -> LineSettings:
+        """As they are now, adjustments included."""
+        return self._settings
 
     @property
     def times(self) -> StateTimes:
@@ -98,6 +121,11 @@ class Line:
         """The present load."""
         return LoadJournal.of(self._journal.entries())
 
+    @property
+    def counts(self) -> UnitCounts:
+        """Units handed back."""
+        return self._counts
+
     def run(self) -> Iterator[LineEvent]:
         """Until it is complete, or stopped from here."""
         given = self._settings
@@ -105,6 +133,8 @@ class Line:
         self._ports.store.event("", START_EVENT, {"state": int(self.state), **shifts})
         yield StateEntered(self.state, "", self._why)
         while not self._over():
+            if (adjustment := self._ports.adjustments()) is not None:
+                yield self._adjust(adjustment)
             command = self._wanted()
             if command is not None:
                 yield from self._command(command)
@@ -122,13 +152,20 @@ class Line:
         orderly = not changes or changes[0][2]["state"] in (State.STOPPED, State.COMPLETE, State.IDLE)
         return State.STOPPED if orderly and LoadJournal.of(self._journal.entries()).open is None else State.ABORTED
 
+    def _adjust(self, wanted: LineAdjustment) -> Adjusted:
+        if wanted.mode is self._mode or self.state in MODE_CHANGES_IN:
+            self._mode = wanted.mode
+        self._settings = self._settings.model_copy(update=dict(wanted.times_s))
+        self._ports.store.event("", "line-adjusted", {"mode": self._mode.label, "times_s": dict(wanted.times_s)})
+        return Adjusted(self._mode, refused=self._mode is not wanted.mode)
+
     def _wanted(self) -> Command | None:
         """What somebody wants, or what the settings do without anybody."""
         if self._stop.requested:
             return Command.STOP if self.state not in (State.STOPPED, State.ABORTED) else None
         if (wanted := self._ports.commands()) is not None:
             return wanted
-        automatic = self._settings.start == "auto" and not self._by_hand
+        automatic = self._settings.start == "auto" and not self._by_hand and self._mode is UnitMode.PRODUCE
         if self.state is State.STOPPED and automatic:
             return Command.RESET
         if self.state is State.IDLE and automatic:
@@ -148,6 +185,8 @@ class Line:
     def _command(self, command: Command) -> Iterator[LineEvent]:
         try:
             after_command(self.state, command)
+            if self._mode is UnitMode.MAINTENANCE and command in REFUSED_IN_MAINTENANCE:
+                raise UsageError("line-in-maintenance", command=command.label)
         except UsageError as refused:
             self._ports.store.event("", "packml-refused", {"command": command.label, "state": int(self.state)})
             yield StateEntered(self.state, "", refused.message)
@@ -219,7 +258,9 @@ class Line:
                 yield self._enter(Command.HOLD, wants.message)
                 return
         step = self._handover.step()
-        self.loads += isinstance(step, Close)
+        if isinstance(step, Close):
+            self.loads += 1
+            self._counts = self._counts.handed_back(step.bins, self._ports.clock.monotonic_s())
         yield LoadStep(step)
         if self._fault is not None:
             fault, self._fault = self._fault, None

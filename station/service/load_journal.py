@@ -1,6 +1,6 @@
 """The journal of loads in the station's log: events of the station, sealed like every record."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from station.domain.cell.handover import Entry
 from station.ports.store import Store
@@ -8,6 +8,8 @@ from station.ports.store import Store
 LOAD_EVENT = "cell-load"
 #: A load has four lines at most; so many reach back to the last one that is over.
 NEWEST = 12
+#: For the counts of all times, so many lines reach back.
+MOST_LINES = 100_000
 
 
 class StoreLoadJournal:
@@ -19,6 +21,12 @@ class StoreLoadJournal:
     def entries(self) -> Sequence[Entry]:
         """The newest lines, oldest first."""
         return [Entry.of(number, detail) for number, _, detail in self._store.station_events(LOAD_EVENT, NEWEST)]
+
+    def handed_back(self) -> Sequence[Mapping[int, int]]:
+        """Bins, by place, of the loads that went back, oldest first."""
+        lines = self._store.station_events(LOAD_EVENT, MOST_LINES)
+        entries = [Entry.of(number, detail) for number, _, detail in lines if detail["step"] == "handed"]
+        return [entry.bins for entry in entries]
 
     def add(self, entry: Entry) -> None:
         """One line, durable when this returns."""

@@ -44,6 +44,7 @@ from station.panel_protocol.accounts import Account, Role
 from station.panel_protocol.answer import read_answer
 from station.panel_protocol.companion import Companion
 from station.panel_protocol.journal import Journal
+from station.panel_protocol.line_adjustment import LineAdjustments
 from station.panel_protocol.line_state import LineCommands, read_line_state
 from station.panel_protocol.live_state import expected_s
 from station.panel_protocol.owner import owner_pid
@@ -116,6 +117,8 @@ def _beside_the_log() -> dict[str, Target]:
         "answer": ({"schema": "station.answer/1", "question": "7"}, Companion.ANSWER, read_answer),
         "line-state": ({"schema": "station.line/1"}, Companion.LINE, read_line_state),
         "line-command": ({"number": 3, "command": "Start"}, Companion.LINE_COMMAND, lambda d: LineCommands(d).next()),
+        "line-adjustment": ({"number": 3, "mode": "produce", "times_s": {"scan_s": 2.0}}, Companion.LINE_ADJUSTMENT,
+                            lambda d: LineAdjustments(d).next()),
         "questions": ({"schema": "station.questions/1", "questions": {"q": {"serial": "S"}}}, Companion.QUESTIONS,
                       lambda d: Questions(d.with_name("s.db.questions.json")).all()),
         "owner": ({"name": "bench", "pid": 3, "started_ns": 5}, Companion.OWNER, owner_pid),

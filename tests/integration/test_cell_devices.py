@@ -6,8 +6,8 @@ import os
 import pty
 import threading
 import tty
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from station.adapters.clock import SystemClock
 from station.adapters.label_printer.zpl import ZplPrinter
 from station.adapters.line_servers.facts import facts_of
 from station.adapters.line_servers.modbus import serve_modbus
-from station.adapters.line_servers.opcua import serve_opcua
 from station.adapters.line_servers.serving import ServedLine
 from station.adapters.modbus import ModbusRegisters
 from station.adapters.positioner.plc import PlcPositioner
@@ -36,33 +35,8 @@ from station.errors import PlcFault, PositionerFault, StationFault
 from station.ports.cell import UnitLabel
 from station.wiring.rig_machines import wiring_of
 from tests.fakes.plc_faults import stop
+from tests.fakes.serving import free_port, served
 from tests.fakes.waiting import until
-
-
-@contextmanager
-def served(serve: Callable[[Callable[[int], None]], Any]) -> Iterator[int]:
-    """A server of asyncio in a thread of its own; its port."""
-    listening, ports, loops = threading.Event(), list[int](), list[asyncio.AbstractEventLoop]()
-    tasks: list[asyncio.Task[None]] = []
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        listening.set()
-
-    async def run() -> None:
-        loops.append(asyncio.get_running_loop())
-        tasks.append(asyncio.create_task(serve(ready)))
-        with suppress(asyncio.CancelledError):
-            await tasks[0]
-
-    thread = threading.Thread(target=lambda: asyncio.run(run()))
-    thread.start()
-    try:
-        assert listening.wait(60), "the server does not listen"
-        yield ports[0]
-    finally:
-        loops[0].call_soon_threadsafe(tasks[0].cancel)
-        thread.join()
 
 
 def plc_on_a_socket(plc: SimulatedPlc) -> Any:
@@ -283,68 +257,6 @@ def test_a_line_controller_reads_the_state_and_commands_once() -> None:
         assert client.write_registers(2, [9]).isError()
         assert client.write_registers(100, [77, 10]).isError()
     assert sent == [Command.HOLD]
-
-
-def test_opc_ua_shows_state_units_and_results_and_takes_commands() -> None:
-    from asyncua.client.client import Client
-
-    document = {"state": 11, "station": "s", "recipe": "r/1", "load": 7, "loads": 3, "seconds": {}}
-    document["nests"] = [{"nest": "A", "serial": "SN1", "outcome": "FAIL"}]
-    facts, sent = facts_of(document, "Look at it.", alive=True), list[Command]()
-
-    async def serve(ready: Callable[[int], None]) -> None:
-        port = free_port()
-        await serve_opcua(ServedLine("127.0.0.1", port, lambda: facts, sent.append, lambda _: ready(port)))
-
-    async def look(port: int) -> dict[str, Any]:
-        async with Client(f"opc.tcp://127.0.0.1:{port}") as client:
-            uris = [f"http://opcfoundation.org/UA/{name}/" for name in ("PackML", "Machinery", "DI")]
-            packml, machinery, di = [await client.get_namespace_index(uri) for uri in uris]
-            root = await client.nodes.objects.get_child(["2:CalibrationStation"])
-            listed = await client.get_node(f"ns={packml};i=72").get_children()
-            assert root in await client.get_node(f"ns={machinery};i=1001").get_children()
-            types = [await node.read_type_definition() for node in listed]
-            assert [kind and kind.Identifier for kind in types] == [6]
-            base = await listed[0].get_child(f"{packml}:BaseStateMachine")
-            inner = await base.get_child([f"{packml}:MachineState", f"{packml}:ExecuteState"])
-            await inner.call_method(f"{packml}:Unhold")
-            async with asyncio.timeout(5):  # until the facts are served
-                while (await (await base.get_child("0:CurrentState")).read_value()).Text != "Cleared":
-                    await asyncio.sleep(0.02)
-            item = await root.get_child([f"{machinery}:MachineryBuildingBlocks", f"{machinery}:MachineryItemState"])
-            states: dict[str, Any] = {}
-            for name, machine in (("base", base), ("state", inner), ("item", item)):
-                current = await machine.get_child("0:CurrentState")
-                held = client.get_node(await (await current.get_child("0:Id")).read_value())
-                number = await (await held.get_child("0:StateNumber")).read_value()
-                states[name] = (await current.read_value()).Text, held.nodeid.Identifier, number
-            paths = {
-                "why": ["2:Status", "2:Why"],
-                "serial": ["2:Nests", "2:A", "2:Serial"],
-                "result": ["2:Nests", "2:A", "2:Result"],
-                "station": [f"{machinery}:MachineryBuildingBlocks", f"{di}:Identification", f"{di}:SerialNumber"],
-            }
-            return states | {name: await (await root.get_child(path)).read_value() for name, path in paths.items()}
-
-    with served(serve) as port:
-        found = asyncio.run(look(port))
-    assert found == {
-        "base": ("Cleared", 71, 19),
-        "state": ("Held", 34, 11),
-        "item": ("NotExecuting", 5007, 2),
-        "why": "Look at it.",
-        "serial": "SN1",
-        "result": "FAIL",
-        "station": "s",
-    }
-    assert sent == [Command.UNHOLD]
-
-
-def free_port() -> int:
-    import socket
-
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 def test_a_simulated_line_runs_from_the_command_line(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from station.config.settings import load_settings
 from station.files.replace import replace_text
 from station.panel_protocol.answer import read_answer
 from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.line_adjustment import LineAdjustments
 from station.panel_protocol.line_state import LineCommands, read_line_state
 from station.panel_protocol.live_state import expected_s, recipe_label
 from station.panel_protocol.owner import owner_pid
@@ -43,6 +44,7 @@ READERS: dict[Companion, Callable[[Path], object]] = {
     Companion.LINE_COMMAND: lambda d: LineCommands(d).next(),
     Companion.SHIPPING: read_statuses,
     Companion.ALERTS: lambda d: read_book(d).document(),
+    Companion.LINE_ADJUSTMENT: lambda d: LineAdjustments(d).next(),
     Companion.QUESTIONS: lambda d: Questions(companion_file(d, Companion.QUESTIONS)).all(),
 }
 #: Of another shape, nested in what the readers go through.
@@ -54,7 +56,8 @@ DOCUMENTS: tuple[object, ...] = (
     {"schema": "station.line/1", "pid": os.getpid(), "state": 6, "name": [], "load": {}, "loads": None},
     {"schema": "station.questions/1", "questions": [1]}, {"waiting": [], "handed": 3, "pid": None},
     {"state": {"began_s": 10**400}}, {"recipe": recipe_label(JOB.recipe), "expected_s": [10**400]},
-    {"question": {"a": 1}}, {"number": "x", "command": []},
+    {"question": {"a": 1}}, {"number": 1, "mode": "produce", "times_s": [5]}, {"number": 1, "mode": []},
+    {"number": "x", "command": []},
 )  # fmt: skip
 
 

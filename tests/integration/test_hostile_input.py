@@ -69,7 +69,20 @@ ODD_VALUES = ("1e999", "NaN", "9" * 5000, "null", "[[]]", "{}", '"\\ud800"', "-1
 
 
 @pytest.mark.parametrize(
-    "name", ["marks", "queue", "line-command", "questions", "owner", "alerts", "shipping", "screen", "golden", "head"]
+    "name",
+    [
+        "marks",
+        "queue",
+        "line-command",
+        "line-adjustment",
+        "questions",
+        "owner",
+        "alerts",
+        "shipping",
+        "screen",
+        "golden",
+        "head",
+    ],
 )
 def test_any_odd_value_anywhere_in_a_document_is_taken_or_refused(
     reading: Mapping[str, Target], folder: Path, name: str

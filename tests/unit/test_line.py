@@ -11,12 +11,13 @@ from station.adapters.clock import VirtualClock
 from station.adapters.positioner.simulated import SimulatedPositioner
 from station.adapters.store.sqlite import SqliteStore
 from station.config.line import LineSettings
-from station.domain.cell.handover import CellView, Close, Place
+from station.domain.cell.adjustment import LineAdjustment, UnitMode
+from station.domain.cell.handover import Bin, CellView, Close, Place
 from station.domain.cell.packml import Command, State
 from station.errors import PlcFault, PositionerFault, StationError, StationFault
 from station.ports.cell import UnitLabel
 from station.ports.store import AttemptStart
-from station.service.line import Line, LinePorts, LoadStep, StateEntered
+from station.service.line import Adjusted, Line, LinePorts, LoadStep, StateEntered
 from station.service.stop_request import StopRequest
 
 
@@ -67,6 +68,7 @@ class Rig:
         self.outcome, self.fault = "PASS", None
         self.stop = StopRequest()
         self.wanted: list[Command] = []
+        self.adjusted: list[LineAdjustment] = []
         self.printed: list[UnitLabel] = []
         self.paper = True
         self.measured = 0
@@ -83,6 +85,7 @@ class Rig:
             test=self._test,
             commands=lambda: self.wanted.pop(0) if self.wanted else None,
             printer=self,
+            adjustments=lambda: self.adjusted.pop(0) if self.adjusted else None,
         )
         return Line(ports, self.settings, self.stop, 20.0, most_loads, unattended=unattended)
 
@@ -234,3 +237,37 @@ def test_a_stop_request_ends_it(rig: Rig) -> None:
         if line.state is State.SUSPENDED:
             rig.stop.request()
     assert states(seen)[-2:] == ["stopping", "stopped"]
+
+
+def test_in_maintenance_nothing_starts_until_the_mode_is_produce_again(rig: Rig) -> None:
+    line, seen = rig.line(1, unattended=False), []
+    rig.adjusted = [LineAdjustment(UnitMode.MAINTENANCE)]
+    for event in line.run():
+        seen.append(event)
+        if len(seen) == 2:  # the line is in maintenance, and would start by itself
+            assert event == Adjusted(UnitMode.MAINTENANCE, refused=False)
+            rig.wanted = [Command.RESET]
+        elif isinstance(event, StateEntered) and event.why is not None:
+            assert (event.why.id, line.state) == ("line-in-maintenance", State.STOPPED)
+            rig.adjusted = [LineAdjustment(UnitMode.PRODUCE)]
+    assert states(seen)[-1] == "complete"
+    assert [d["mode"] for _, _, d in rig.store.station_events("line-adjusted", 5)] == ["maintenance", "produce"]
+
+
+def test_the_mode_does_not_change_while_a_load_is_in_work_but_times_do(rig: Rig) -> None:
+    line, seen = rig.line(1), []
+    for event in line.run():
+        seen.append(event)
+        if isinstance(event, StateEntered) and event.state is State.EXECUTE:
+            rig.adjusted = [LineAdjustment(UnitMode.MAINTENANCE, {"starved_s": 0.5})]
+    assert Adjusted(UnitMode.PRODUCE, refused=True) in seen
+    assert (line.mode, line.settings.starved_s) == (UnitMode.PRODUCE, 0.5)
+    assert line.state is State.COMPLETE
+
+
+def test_units_are_counted_by_bin_since_the_start_and_in_the_whole_log(rig: Rig) -> None:
+    list(rig.line(1).run())
+    rig.outcome = "FAIL"
+    list((second := rig.line(1)).run())
+    assert second.counts.since_start == {Bin.REJECT: 2}
+    assert [second.counts.total(bin_) for bin_ in Bin] == [2, 2, 0]

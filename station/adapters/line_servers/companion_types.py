@@ -6,6 +6,8 @@ Names, numeric node ids, data types and numbers are the specifications'; what th
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from station.adapters.line_servers.companion_structures import ALARM, COUNT, DESCRIPTOR, PRODUCT, StructureType
+
 PACKML = "http://opcfoundation.org/UA/PackML/"
 MACHINERY = "http://opcfoundation.org/UA/Machinery/"
 DI = "http://opcfoundation.org/UA/DI/"
@@ -15,20 +17,38 @@ BASE_OBJECT, FOLDER, FINITE_STATE_MACHINE, ANALOG_ITEM, DATA_VARIABLE = 58, 61, 
 PACKML_OBJECTS, MACHINES, MODE_ENUM, PRODUCE = 72, 1001, 11, 1
 PACKML_VERSION = "TR88.00.02-2015"
 
+#: References of PackML, each a kind of HasComponent, by name.
+REFERENCES = {"HasAlarm": 22, "HasAlarmHistory": 23, "HasStopReason": 25}
+
 NodeOf = tuple[str, int]
 """A type by namespace ('' is the base one) and number."""
 
 
 @dataclass(frozen=True, slots=True)
 class TypeMember:
-    """data_type: number in the base namespace; kind: its type there, 0 for a property."""
+    """data_type: number in the base namespace, or a structure of PackML; kind: its type there, 0 for a property;
+    dimensions: of an array of them; base_name: its name is of the base namespace; reference: what hangs it to its type,
+    of REFERENCES, '' for a plain component."""
 
     node: int
     name: str
-    data_type: int
+    data_type: int | StructureType
     kind: int = DATA_VARIABLE
     optional: bool = False
     namespace: str = ""
+    dimensions: int = 0
+    base_name: bool = False
+    reference: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodType:
+    """argument: name, data type as of TypeMember, and whether it is a list of them; node: that of its arguments."""
+
+    node: int
+    arguments_node: int = 0
+    argument: tuple[str, int | StructureType, bool] | None = None
+    mandatory: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +74,7 @@ class CompanionType:
     parts: tuple[Part, ...] = ()
     states: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
     transitions: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
-    methods: Mapping[str, int] = field(default_factory=dict)
+    methods: Mapping[str, MethodType] = field(default_factory=dict)
     causes: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -64,6 +84,14 @@ _BOOLEAN, _INT32, _FLOAT, _STRING, _NODE_ID, _TEXT, _ENUMERATION = 1, 6, 10, 12,
 def _numbered(nodes: Mapping[str, tuple[int, int]]) -> dict[str, tuple[int, int, int]]:
     """Transitions that the specification does not number are numbered on."""
     return {name: (node, number, held) for number, (name, (node, held)) in enumerate(nodes.items(), 1)}
+
+
+def _present(states: int, transitions: int) -> tuple[TypeMember, ...]:
+    """The lists of states and transitions that a machine has."""
+    return (
+        TypeMember(states, "AvailableStates", _NODE_ID, dimensions=1, base_name=True),
+        TypeMember(transitions, "AvailableTransitions", _NODE_ID, dimensions=1, base_name=True),
+    )
 
 
 EXECUTE_MACHINE = CompanionType(
@@ -83,8 +111,11 @@ EXECUTE_MACHINE = CompanionType(
         "UnsuspendingToHolding": (100, 208), "SuspendedToHolding": (101, 215), "SuspendingToHolding": (102, 216),
         "UnholdingToHolding": (103, 217),
     }),
+    variables=_present(125, 126),
     methods={
-        "Reset": 361, "ToComplete": 365, "Hold": 366, "Suspend": 367, "Unhold": 368, "Start": 369, "Unsuspend": 372,
+        "Reset": MethodType(361), "ToComplete": MethodType(365), "Hold": MethodType(366), "Suspend": MethodType(367),
+        "Unhold": MethodType(368), "Start": MethodType(369, 342, ("Parameter", DESCRIPTOR, True)),
+        "Unsuspend": MethodType(372),
     },
     causes={
         "IdleToStarting": "Start", "ExecuteToSuspending": "Suspend", "ExecuteToHolding": "Hold",
@@ -103,7 +134,8 @@ MACHINE_MACHINE = CompanionType(
         "RunningToStopping": (60, 166),
     }),
     parts=(Part(56, "ExecuteState", (PACKML, 1), "Running"),),
-    methods={"Stop": 375, "Reset": 376},
+    variables=_present(153, 154),
+    methods={"Stop": MethodType(375), "Reset": MethodType(376)},
     causes={"StoppedToRunning": "Reset", "RunningToStopping": "Stop"},
 )  # fmt: skip
 BASE_MACHINE = CompanionType(
@@ -113,7 +145,8 @@ BASE_MACHINE = CompanionType(
         "AbortedToCleared": (65, 174), "AbortingToAborted": (66, 175), "ClearedToAborting": (67, 176),
     }),
     parts=(Part(64, "MachineState", (PACKML, 2), "Cleared"),),
-    methods={"Clear": 363, "Abort": 364},
+    variables=_present(167, 158),
+    methods={"Clear": MethodType(363), "Abort": MethodType(364)},
     causes={"AbortedToCleared": "Clear", "ClearedToAborting": "Abort"},
 )  # fmt: skip
 STATUS = CompanionType(
@@ -131,7 +164,16 @@ ADMIN = CompanionType(
     PACKML, 5, "PackMLAdminObjectType",
     variables=(
         TypeMember(252, "AccTimeSinceReset", _INT32, optional=True),
-        TypeMember(249, "StateCumulativeTime", _INT32, optional=True),
+        TypeMember(249, "StateCumulativeTime", _INT32, optional=True, dimensions=2),
+        TypeMember(119, "ProdDefectiveCount", COUNT, optional=True, dimensions=1),
+        TypeMember(120, "ProdProcessedCount", COUNT, optional=True, dimensions=1),
+        TypeMember(276, "Parameter", DESCRIPTOR, optional=True, dimensions=1),
+        TypeMember(238, "Alarm", ALARM, optional=True, dimensions=1, reference="HasAlarm"),
+        TypeMember(239, "AlarmExtent", _INT32, optional=True),
+        TypeMember(240, "AlarmHistory", ALARM, optional=True, dimensions=1, reference="HasAlarmHistory"),
+        TypeMember(241, "AlarmHistoryExtent", _INT32, optional=True),
+        TypeMember(244, "StopReason", ALARM, optional=True, reference="HasStopReason"),
+        TypeMember(245, "StopReasonExtent", _INT32, optional=True),
     ),
 )  # fmt: skip
 BASE_OBJECT_TYPE = CompanionType(
@@ -141,6 +183,12 @@ BASE_OBJECT_TYPE = CompanionType(
         TypeMember(218, "TagID", _STRING, 0, optional=True),
     ),
     parts=(Part(73, "Admin", (PACKML, 5)), Part(87, "Status", (PACKML, 4)), Part(88, "BaseStateMachine", (PACKML, 3))),
+    methods={
+        "SetUnitMode": MethodType(362, 118, ("RequestedMode", _INT32, False), mandatory=True),
+        "SetMachSpeed": MethodType(400, 348, ("RequestedMachineSpeed", _FLOAT, False), mandatory=True),
+        "SetProduct": MethodType(401, 349, ("Product", PRODUCT, True), mandatory=True),
+        "SetParameter": MethodType(402, 352, ("Parameter", DESCRIPTOR, True), mandatory=True),
+    },
 )  # fmt: skip
 ITEM_MACHINE = CompanionType(
     MACHINERY, 1002, "MachineryItemState_StateMachineType", ("", FINITE_STATE_MACHINE),

@@ -1,5 +1,5 @@
-"""The station's outer state over OPC UA (asyncua): PackML's three state machines, status and times, Machinery's item
-state and identification, and the units with their results by nest.
+"""The station's outer state over OPC UA (asyncua): PackML's three state machines with status, counts, times and alarms,
+Machinery's item state and identification, and the units with their results by nest.
 
 Types, names and node ids are those of OPC 30050 and OPC 40001-1, as far as the station uses them.
 """
@@ -8,12 +8,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from station.adapters.line_servers import companion_types as types
-from station.adapters.line_servers.companion_space import add_companion_types, add_variable, node_id, opc_ua
+from station.adapters.line_servers.companion_space import (
+    add_arguments,
+    add_companion_types,
+    add_reference_of_own,
+    add_variable,
+    node_id,
+    opc_ua,
+)
 from station.adapters.line_servers.facts import LineFacts
+from station.adapters.line_servers.machine_states import MACHINES, machine_states
+from station.adapters.line_servers.opcua_admin import admin_values
+from station.adapters.line_servers.opcua_methods import LineMethods
 from station.adapters.line_servers.serving import ServedLine
 from station.domain.cell.packml import Command, State
 from station.errors import ConfigError
@@ -23,13 +33,12 @@ MANUFACTURER = "CAN calibration station"
 #: So often the nodes follow the line's word, s.
 INTERVAL_S = 0.2
 ITEM_STATES = ("NotAvailable", "OutOfService", "NotExecuting", "Executing")
-#: PackML's machines, outer one first, by their way from the PackML object.
-MACHINES = (
-    (("BaseStateMachine",), types.BASE_MACHINE),
-    (("BaseStateMachine", "MachineState"), types.MACHINE_MACHINE),
-    (("BaseStateMachine", "MachineState", "ExecuteState"), types.EXECUTE_MACHINE),
-)
 _TEXTS = ("Serial", "Result")
+_STATUS = (
+    "EquipmentBlocked", "EquipmentStarved", "UnitModeCurrent", "UnitSupportedModes", "CurMachSpeed", "MachSpeed",
+)  # fmt: skip
+#: Upper end of the range of both speeds: a unit a second.
+MOST_UNITS_AN_HOUR = 3600.0
 #: Nodes of the base namespace.
 _ORGANIZES, _HAS_COMPONENT, _HAS_ADD_IN = 35, 47, 17604
 
@@ -48,8 +57,9 @@ async def serve_opcua(line: ServedLine) -> None:
     server.set_endpoint(endpoint)
     server.set_server_name("CAN calibration station")
     server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
-    space = _Space(server, await server.register_namespace(NAMESPACE), await add_companion_types(server))
-    await space.build(line.facts(), line.send)
+    own, spaces = await server.register_namespace(NAMESPACE), await add_companion_types(server)
+    space = _Space(server, own, spaces, LineMethods(line.facts, line.send, line.adjust))
+    await space.build(line.facts())
     async with server:
         line.ready(endpoint)
         while True:
@@ -60,17 +70,17 @@ async def serve_opcua(line: ServedLine) -> None:
 class _Space:
     """The station among the server's objects. nodes: what is written, by name; nests as `Nests/A/Serial`."""
 
-    def __init__(self, server: Any, own: int, spaces: Mapping[str, int]) -> None:
-        self._server, self._own, self._spaces = server, own, spaces
+    def __init__(self, server: Any, own: int, spaces: Mapping[str, int], methods: LineMethods) -> None:
+        self._server, self._own, self._spaces, self._methods = server, own, spaces, methods
         self._nodes: dict[str, Any] = {}
 
-    async def build(self, facts: LineFacts, send: Callable[[Command], None]) -> None:
+    async def build(self, facts: LineFacts) -> None:
         """Every node, once."""
         root = await self._server.nodes.objects.add_object(self._own, "CalibrationStation")
-        await self._add_packml(root, send)
+        await self._add_packml(root)
         await self._add_machinery(root)
         status = await root.add_object(self._own, "Status")
-        for name, value in (("Recipe", ""), ("Load", 0), ("LoadsDone", 0), ("Why", "")):
+        for name, value in (("Recipe", ""), ("Load", 0), ("LoadsDone", 0), ("Why", ""), ("Refusal", "")):
             self._nodes[name] = await status.add_variable(self._own, name, value)
         seats = await root.add_object(self._own, "Nests")
         for nest, _, _ in facts.nests:
@@ -78,7 +88,7 @@ class _Space:
             for name in _TEXTS:
                 self._nodes[f"Nests/{nest}/{name}"] = await folder.add_variable(self._own, name, "")
 
-    async def _add_packml(self, root: Any, send: Callable[[Command], None]) -> None:
+    async def _add_packml(self, root: Any) -> None:
         ua = opc_ua()
         index = self._spaces[types.PACKML]
         machine = await self._add(root, "PackML", types.BASE_OBJECT_TYPE, self._own)
@@ -88,28 +98,38 @@ class _Space:
                 ua.AttributeIds.BrowseName, ua.DataValue(ua.Variant(ua.QualifiedName(name, index)))
             )
         await self._nodes["PackMLVersion"].write_value(types.PACKML_VERSION)
-        for way, kind in MACHINES:
+        for depth, (way, kind) in enumerate(MACHINES):
             found = await machine.get_child([ua.QualifiedName(name, index) for name in way])
-            current = await found.get_child("0:CurrentState")
-            self._nodes[way[-1]], self._nodes[f"{way[-1]}/Id"] = current, await current.get_child("0:Id")
-            for name in kind.methods:
-                command = Command.COMPLETE if name == "ToComplete" else Command[name.upper()]
-                node = ua.NodeId("/".join((*way, name)), self._own)
-                await found.add_method(node, ua.QualifiedName(name, index), _method(command, send), [], [])
-        for name in ("EquipmentBlocked", "EquipmentStarved", "UnitModeCurrent", "UnitSupportedModes"):
+            await self._add_machine(found, way, kind, depth)
+        for name, call in self._methods.setters().items():
+            self._server.link_method(await machine.get_child(f"{index}:{name}"), call)
+        for name in _STATUS:
             self._nodes[name] = await machine.get_child([f"{index}:Status", f"{index}:{name}"])
         for name in ("CurMachSpeed", "MachSpeed"):
-            node = await machine.get_child([f"{index}:Status", f"{index}:{name}"])
-            unsupported = ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadNotSupported))
-            await node.write_value(unsupported)
-        mode = ua.Variant(types.PRODUCE, ua.VariantType.Int32)
-        await self._nodes["UnitModeCurrent"].write_value(mode)
+            units_an_hour = await self._nodes[name].get_child("0:EURange")
+            await units_an_hour.write_value(ua.Range(0.0, MOST_UNITS_AN_HOUR))
         await self._nodes["UnitSupportedModes"].write_value(node_id(self._spaces, (types.PACKML, types.MODE_ENUM)))
         admin = await machine.get_child(f"{index}:Admin")
         for given in types.ADMIN.variables:
             node, browse = ua.NodeId(f"Admin/{given.name}", self._own), ua.QualifiedName(given.name, index)
-            self._nodes[given.name] = await add_variable(admin, node, browse, given)
+            self._nodes[given.name] = added = await add_variable(admin, node, browse, given, index)
+            await add_reference_of_own(admin, added, given, index)
         await self._list(types.PACKML, types.PACKML_OBJECTS, "PackMLObjects", machine)
+
+    async def _add_machine(self, found: Any, way: Sequence[str], kind: types.CompanionType, depth: int) -> None:
+        """State, lists and methods of one state machine of PackML."""
+        ua = opc_ua()
+        index = self._spaces[types.PACKML]
+        current = await found.get_child("0:CurrentState")
+        self._nodes[way[-1]], self._nodes[f"{way[-1]}/Id"] = current, await current.get_child("0:Id")
+        for name, numbers in (("AvailableStates", kind.states), ("AvailableTransitions", kind.transitions)):
+            present = [ua.NodeId(node, index) for node, *_ in numbers.values()]
+            await (await found.get_child(f"0:{name}")).write_value(ua.Variant(present, ua.VariantType.NodeId))
+        for name, given in kind.methods.items():
+            command = Command.COMPLETE if name == "ToComplete" else Command[name.upper()]
+            node, browse = ua.NodeId("/".join((*way, name)), self._own), ua.QualifiedName(name, index)
+            method = await found.add_method(node, browse, self._methods.command(command, depth), [], [])
+            await add_arguments(method, ua.NodeId(f"{node.Identifier}/InputArguments", self._own), given, index)
 
     async def _add_machinery(self, root: Any) -> None:
         ua = opc_ua()
@@ -161,16 +181,16 @@ class _Space:
             "SerialNumber": facts.station,
             "ProductInstanceUri": f"urn:can-calibration-station:{facts.station}",
             "EquipmentStarved": facts.state is State.SUSPENDED,
+            "UnitModeCurrent": ua.Variant(facts.mode, ua.VariantType.Int32),
+            "CurMachSpeed": ua.Variant(facts.speed, ua.VariantType.Float),
+            "Refusal": self._methods.last_refusal,
         }
         for nest, serial, outcome in facts.nests:
             values |= {f"Nests/{nest}/Serial": serial, f"Nests/{nest}/Result": outcome}
-        for name, value in values.items():
+        for name, value in (values | admin_values(facts)).items():
             if name in self._nodes:
                 await self._nodes[name].write_value(value)
-        seconds = [round(facts.seconds.get(state.label, 0.0)) for state in State]
-        times = [[0] * (len(State) + 1), [0, *seconds]]  # by mode and state: mode 1 produces, both count from 0
-        await self._nodes["AccTimeSinceReset"].write_value(ua.Variant(sum(seconds), ua.VariantType.Int32))
-        await self._nodes["StateCumulativeTime"].write_value(ua.Variant(times, ua.VariantType.Int32))
+        await self._nodes["MachSpeed"].write_value(_set_speed(facts))
 
     async def _set_state(self, name: str, kind: types.CompanionType, state: str) -> None:
         """Current state and its node of one machine; '' where its outer machine is in another state."""
@@ -181,23 +201,9 @@ class _Space:
         await self._nodes[f"{name}/Id"].write_value(ua.NodeId() if known is None else node_id(self._spaces, known))
 
 
-def machine_states(state: State | None) -> tuple[str, str, str]:
-    """The states of PackML's three nested machines, outer one first; '' where a machine is not in use."""
-    if state is None:
-        return "", "", ""
-    name = state.label.capitalize()
-    if name in types.BASE_MACHINE.states:
-        return name, "", ""
-    if name in types.MACHINE_MACHINE.states:
-        return "Cleared", name, ""
-    return "Cleared", "Running", name
-
-
-def _method(command: Command, send: Callable[[Command], None]) -> Any:
-    from asyncua.common.methods import uamethod
-
-    @uamethod
-    def call(_parent: Any) -> None:
-        send(command)
-
-    return call
+def _set_speed(facts: LineFacts) -> Any:
+    """Units an hour of the ideal time; nobody knows it where config.yaml does not say `ideal_s`."""
+    ua = opc_ua()
+    if facts.ideal_s <= 0:
+        return ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadNoData))
+    return ua.DataValue(ua.Variant(3600.0 / facts.ideal_s, ua.VariantType.Float))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from station.adapters.line_servers.facts import LineFacts
+from station.domain.cell.adjustment import LineAdjustment
 from station.domain.cell.packml import Command
 from station.errors import StationFault
 from station.messages import system_reason
@@ -13,14 +14,15 @@ from station.messages import system_reason
 
 @dataclass(frozen=True, slots=True)
 class ServedLine:
-    """host, port: where it listens; facts: what the line says now; send: gives it a command; ready: called with the
-    address once it listens."""
+    """host, port: where it listens; facts: what the line says now; send, adjust: give it a command, a mode and times;
+    ready: called with the address once it listens."""
 
     host: str
     port: int
     facts: Callable[[], LineFacts]
     send: Callable[[Command], None]
     ready: Callable[[str], None]
+    adjust: Callable[[LineAdjustment], None] = lambda _: None
 
 
 def serve_until_interrupted(serving: Callable[[ServedLine], Coroutine[Any, Any, None]], line: ServedLine) -> None:
