@@ -226,13 +226,17 @@ def _decision(d: Any) -> dict[str, Any]:
 
 
 def _decision_sentence(d: Any, unit: str) -> str:
-    of = f" {unit}" if d.kind == "offset" else ""
+    of = f" {unit}" if d.kind in ("offset", "verification") else ""
     ratio = d.limit / d.expanded if d.expanded > 0 else np.inf
     words = {
         "comfortable": "can be decided with ease",
         "tight": "can be decided, but many good units near it will fail or some bad ones pass",
         "impossible": "cannot be decided by this recipe: dwell longer, add positions, or widen the limit",
     }
+    if d.kind == "verification":
+        words["impossible"] = (
+            "cannot be decided: no unit passes; widen verify.limit, or know nest, base and reference better"
+        )
     risks = "" if d.risks is None else f"; {render(Message('global-risks', consumer=d.risks[0], producer=d.risks[1]))}"
     name, wide = d.kind.replace("_", "-"), f"{d.expanded:.2g} (1 : {ratio:.2g})"
     return f"limit {name} {d.limit:g}{of}: U = {wide}; {words[d.verdict]}{risks}"

@@ -1,7 +1,7 @@
 """The work of `station golden`."""
 
 from dataclasses import asdict, dataclass
-from datetime import date
+from datetime import UTC, date, datetime
 from functools import partial
 from pathlib import Path
 
@@ -61,11 +61,11 @@ def _update_register(
     if serial is None:
         raise UsageError("golden-without-serial", action=action)
     if action == "register" and options.values:
-        units[serial] = golden_register.by_certificate(serial, options.values, _parse_day(options.due))
+        units[serial] = golden_register.by_certificate(serial, options.values, _parse_due(options.due))
     elif action == "register":
         with open_log(database) as log:
             units[serial] = golden_register.expect(
-                log, serial, bad=options.bad, share=options.within, due=_parse_day(options.due)
+                log, serial, bad=options.bad, share=options.within, due=_parse_due(options.due)
             )
     else:
         del units[_registered(units, serial, action).serial]
@@ -86,3 +86,11 @@ def _parse_day(text: str) -> str:
         return date.fromisoformat(text).isoformat()
     except ValueError as exc:
         raise UsageError("option-not-a-day", option="--due", text=text[:20]) from exc
+
+
+def _parse_due(text: str) -> str:
+    """A day that is still to come, or ''. Errors: UsageError."""
+    day, today = _parse_day(text), datetime.now(UTC).date().isoformat()
+    if day and day < today:
+        raise UsageError("golden-due-past", due=day, today=today)
+    return day

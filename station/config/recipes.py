@@ -6,6 +6,7 @@ from pathlib import Path
 from station.config.documents import content_hash, load_document, validate
 from station.config.search_path import find_file
 from station.domain.methods import decision_rule
+from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 
@@ -21,6 +22,7 @@ def load_recipe(name: str | Path) -> Recipe:
     """The recipe of that path or name. Errors: RecipeError with every mistake, its line and remedy."""
     recipe = validate(load_document(recipe_path(name), RecipeError), Recipe, RecipeError)
     decision_rule.refuse_unestimated(recipe)
+    references.refuse_two_sizes(recipe)
     return recipe
 
 

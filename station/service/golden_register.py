@@ -1,6 +1,7 @@
 """Golden and known-bad units of this station: their register, where they stand by the log, and the lock they are."""
 
 import json
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -93,7 +94,7 @@ def by_certificate(serial: str, values: Sequence[str], due: str) -> RegisteredUn
             pair = float(value), float(wide)
         except ValueError as exc:
             raise UsageError("golden-value-form", text=text[:60]) from exc
-        if name not in coefficients.NAMES or not pair[1] > 0:
+        if name not in coefficients.NAMES or not pair[1] > 0 or not all(map(math.isfinite, pair)):
             raise UsageError("golden-value-form", text=text[:60])
         found[name] = pair
     return RegisteredUnit(serial, "golden", "", "PASS", found, (), due, external=True)

@@ -58,6 +58,12 @@ def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) ->
         factor = 9.80665 if c["unit"] == "g" else 1.0
         assert c["expanded"] == c["k"] * c["std"]
         assert read[c["name"]] == (c["value"] * factor, c["expanded"] * factor), "every bit"
+        left = [*facts["held"]["as_left"]["offset"], *np.ravel(facts["held"]["as_left"]["matrix"])][c["index"]]
+        assert read[f"{c['name']} as left"] == (left * factor, None)
+    for p, d in zip(facts["verification"]["positions"], facts["verification"]["decisions"], strict=True):
+        assert read[d["what"]] == (p["error"] * 9.80665, d["expanded"] * 9.80665)
+    decided = ET.fromstring(xml).iter(f"{{{dcc.DCC}}}metaData")
+    assert [m.findtext(f"{{{dcc.DCC}}}conformity") for m in decided] == ["pass"] * 14, "12 coefficients, 2 positions"
     assert b"SIMULATED" in xml and b"Customer &amp; Sons" in xml and b"no accredited calibration" in xml
     assert "SIMULATED" in Path(names["wsjf"]).read_text(encoding="utf-8")
     steps = json.loads(Path(names["wsjf"]).read_text())["root"]["steps"]

@@ -89,6 +89,9 @@ def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[st
         (("golden", "register"), "Name the unit"),
         (("golden", "remove", "SN1"), "is not registered"),
         (("golden", "register", "SN1"), "station.db"),
+        (("golden", "register", "SN1", "--value", "gain z=nan:1"), "must be NAME=VALUE:U"),
+        (("golden", "register", "SN1", "--value", "gain z=1:inf"), "must be NAME=VALUE:U"),
+        (("golden", "register", "SN1", "--value", "gain z=1:0.1", "--due", "2020-01-01"), "has passed"),
     ):
         assert station(*words) == 2
         assert shown in capsys.readouterr().err

@@ -97,11 +97,7 @@ def measured_covariance(
         mean = np.asarray(reading.mean(axis=0))
         return np.asarray(of_dwell + assumptions.magnitude_relative_std(recipe) ** 2 * np.outer(mean, mean))
     pose = _pose_variance(found.calibration, recipe) * (true @ true * np.eye(3) - np.outer(true, true))
-    position, seating = (at[0],), (at[1],)
-    stated = references.truth_errors(recipe, position, seating, true[None])
-    turned = references.direction_errors(recipe, position, seating, true[None], assumptions.directions_deg(recipe))
-    shared = [pattern[:, 0] for pattern in (*stated.values(), *turned.values())]
-    return np.asarray(of_dwell + pose + sum((p.T @ p for p in shared), np.zeros((3, 3))))
+    return np.asarray(of_dwell + pose + references.stimulus_covariance(recipe, *at, true))
 
 
 def _pose_variance(calibration: Calibration, recipe: Recipe) -> float:

@@ -11,11 +11,12 @@ import numpy as np
 from station.domain.capture.rest_detection import expected_noise
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method, uncertainty
-from station.domain.methods.decision import guard_band
+from station.domain.methods.decision import decide_limit, guard_band
 from station.domain.methods.decision_rule import prior_of
 from station.domain.methods.risk import global_risks
 from station.domain.methods.uncertainty import Budget
 from station.domain.planning import adaptive_dwell, nominal_visits
+from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
@@ -60,7 +61,8 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
     budget = uncertainty.budgets(recipe, problem, fit, visits, rounding)[0]
     wanted = adaptive_dwell.target_std(recipe, fit.free, float(problem.magnitude.max()))
     missed = adaptive_dwell.shortfall(recipe, wanted, budget.covering_std("noise"))
-    return Forecast(budget, _decisions(recipe, budget), noise, dwell_s, missed)
+    decisions = (*_decisions(recipe, budget), *_verification(recipe, noise))
+    return Forecast(budget, decisions, noise, dwell_s, missed)
 
 
 def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
@@ -74,10 +76,36 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
             continue
         worst = int(np.argmax(np.where(which, std, -1.0)))
         expanded = float(budget.expanded()[worst])
-        prospect = "impossible" if max(expanded, guard[worst]) >= limit else "tight"
-        prospect = "comfortable" if COMFORTABLE * expanded <= limit else prospect
+        prospect = _prospect(limit, expanded, float(guard[worst]))
         known = float(prior.mean[0, worst]), float(prior.std[0, worst])
         risks = global_risks(known, float(std[worst]), limit, float(guard[worst])) if np.isfinite(known[1]) else None
         name, wide = coefficients.NAMES[worst], float(guard[worst])
         out.append(LimitForecast(kind, name, limit, expanded, wide, prospect, risks))
     return tuple(out)
+
+
+def _verification(recipe: Recipe, noise: float) -> tuple[LimitForecast, ...]:
+    """Of verify.limit at the position whose error is least certain."""
+    limit = recipe.verify.limit
+    if limit is None or not recipe.verify.positions:
+        return ()
+    pose = np.deg2rad(recipe.reference.pose_std_deg or 0.0)
+    of_dwell = noise**2 / max(recipe.dwell.longest_s * recipe.device.rate_hz, 1.0)
+    found, seating = [], recipe.runs[-1].seating
+    for position in recipe.verify.positions:
+        true = recipe.true_vector(position, seating)
+        of_pose = pose**2 * (true @ true * np.eye(3) - np.outer(true, true))
+        shared = references.stimulus_covariance(recipe, position.name, seating, true)
+        found.append(float(np.linalg.eigvalsh(shared + of_pose)[-1] + of_dwell))
+    worst = int(np.argmax(found))
+    name = recipe.verify.positions[worst].name
+    decision = decide_limit(recipe.limits, (name, recipe.unit), 0.0, found[worst] ** 0.5, limit)
+    expanded = decision.expanded or 0.0
+    prospect = _prospect(limit, expanded, decision.guard)
+    return (LimitForecast("verification", name, limit, expanded, decision.guard, prospect),)
+
+
+def _prospect(limit: float, expanded: float, guard: float) -> str:
+    if max(expanded, guard) >= limit:
+        return "impossible"
+    return "comfortable" if COMFORTABLE * expanded <= limit else "tight"

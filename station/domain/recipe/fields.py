@@ -30,14 +30,16 @@ Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w.+\-/ ]+$
 
 def _check_day(text: str) -> str:
     try:
-        date.fromisoformat(text)
+        written = date.fromisoformat(text).isoformat()
     except ValueError:
-        raise InvalidValue("day-unknown", given=text) from None
+        written = ""
+    if written != text:
+        raise InvalidValue("day-unknown", given=text)
     return text
 
 
 #: A day that exists, as ISO 8601 writes it.
-Day = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$"), AfterValidator(_check_day)]
+Day = Annotated[str, Field(json_schema_extra={"pattern": r"^\d{4}-\d\d-\d\d$"}), AfterValidator(_check_day)]
 
 
 class StrictModel(BaseModel):

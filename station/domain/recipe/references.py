@@ -68,6 +68,17 @@ def check_due(recipe: Recipe, today: str) -> None:
         raise ReferenceOverdue("gold-overdue", serial=gold.serial, due=gold.due, today=today[:10])
 
 
+def refuse_two_sizes(recipe: Recipe) -> None:
+    """RecipeError where the size of gravity is stated twice: the site or the gravimeter alone would count."""
+    reference = recipe.reference
+    if reference.source != "gravity":
+        return
+    measured = "site" if reference.site else "gravimeter" if reference.gravimeter else ""
+    for other in ("magnitude", "magnitude_std"):
+        if measured and getattr(reference, other) is not None:
+            raise RecipeError("gravity-stated-twice", recipe=recipe.name, measured=measured, other=other)
+
+
 def direction_errors(
     recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats, angles_deg: Mapping[str, float]
 ) -> dict[str, Floats]:
@@ -109,6 +120,14 @@ def truth_errors(
     if recipe.reference.source == "gold":
         return {"gold reference": gold_errors(recipe, true, seating)}
     return sensor.of(recipe).truth_errors(recipe, position, seating, true)
+
+
+def stimulus_covariance(recipe: Recipe, position: str, seating: str, true: Floats) -> Floats:
+    """Covariance (3, 3) of the truth (3) at one position, from what all visits share: size and directions."""
+    at = (position,), (seating,), true[None]
+    directions = direction_errors(recipe, *at, assumptions.directions_deg(recipe))
+    shared = [pattern[:, 0] for pattern in (*truth_errors(recipe, *at).values(), *directions.values())]
+    return np.asarray(sum((p.T @ p for p in shared), np.zeros((3, 3))))
 
 
 def gold_errors(recipe: Recipe, true: Floats, seating: tuple[str, ...]) -> Floats:
