@@ -96,6 +96,15 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         read_layouts(tmp_path / "empty.dbc")
 
 
+def test_a_file_of_more_nodes_than_any_car_has_is_refused_before_it_is_parsed(tmp_path: Path) -> None:
+    path = tmp_path / "nodes.dbc"
+    nodes = " ".join(f"N{number}" for number in range(30_000))
+    for between in ("", "\n "):
+        path.write_text(DBC.read_text(encoding="utf-8").replace("BU_:", f"BU_:{between} {nodes}", 1), encoding="utf-8")
+        with pytest.raises(ProductError, match="nodes, messages and signals; at most 25000 are read"):
+            read_layouts(path)
+
+
 def test_western_text_is_read_as_such(tmp_path: Path) -> None:
     path = tmp_path / "western.dbc"
     path.write_bytes(DBC.read_text().replace("one reading", "Größe").encode("cp1252"))

@@ -16,7 +16,7 @@ from station.messages import Message, system_reason
 
 #: Beyond this a file is not one product's DBC but an accident, and parsing it takes longer than anybody waits.
 MOST_BYTES = 4_000_000
-#: Messages and signals together: those of a whole car come to some ten thousand.
+#: Nodes, messages and signals together: those of a whole car come to some ten thousand.
 MOST_DEFINITIONS = 25_000
 #: Characters that repairs may have parsed anew in all, and repairs that every file gets.
 MOST_REPARSED, LEAST_REPAIRS = 8_000_000, 4
@@ -25,6 +25,7 @@ MOST_FINDINGS = 10
 # cantools warns of double names in its log; here they are errors, reported once.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
 _DEFINITIONS = re.compile(r"^[ \t]*(?:BO_|SG_)\s", re.MULTILINE)
+_NODES = re.compile(r"^[ \t]*BU_[ \t]*:([\w\s]*)", re.MULTILINE)
 _MESSAGES = re.compile(r"^[ \t]*BO_\s", re.MULTILINE)
 _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
 #: A complaint without a word of DBC comes from the inside of the parser.
@@ -43,7 +44,8 @@ def read_layouts(path: Path, used: Used | None = None) -> Mapping[str, FrameLayo
     Errors: ProductError with file, line, message, signal and remedy of each mistake.
     """
     text = _text(path)
-    if (count := sum(1 for _ in _DEFINITIONS.finditer(text))) > MOST_DEFINITIONS:
+    count = sum(1 for _ in _DEFINITIONS.finditer(text)) + sum(len(m[1].split()) for m in _NODES.finditer(text))
+    if count > MOST_DEFINITIONS:
         raise ProductError("dbc-too-many-definitions", file=str(path), count=count, limit=MOST_DEFINITIONS)
     layouts = [_frame(m, used) for m in _messages(path, text, used)]
     issues = lint(layouts, used)
