@@ -15,16 +15,33 @@ def request_stop(database: Path) -> int:
     StationFault where it is another user's."""
     if (pid := stop_by_socket(database)) is not None:
         return pid
-    pid = owner_pid(database)
-    if pid is None:
-        raise UsageError("no-run-under-way")
+    pid = require_owner(database)
     signal_stop(pid)
     return pid
 
 
+def require_owner(database: Path) -> int:
+    """The pid of the run on this log. Errors: UsageError where there is none."""
+    pid = owner_pid(database)
+    if pid is None:
+        raise UsageError("no-run-under-way")
+    return pid
+
+
+def kill_owner(database: Path, pid: int) -> None:
+    """Ends that run's process where it still has the log. Errors: UsageError where it ended meanwhile; StationFault."""
+    if require_owner(database) != pid:
+        raise UsageError("no-run-under-way")
+    _signal(pid, signal.SIGKILL)
+
+
 def signal_stop(pid: int) -> None:
     """Asks that run. Errors: StationFault where it is another user's."""
+    _signal(pid, signal.SIGINT)
+
+
+def _signal(pid: int, number: signal.Signals) -> None:
     try:
-        os.kill(pid, signal.SIGINT)
+        os.kill(pid, number)
     except OSError as exc:
         raise StationFault("run-not-stopped", pid=pid, why=system_reason(exc)) from exc

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from station.adapters.store.sqlite import SqliteStore
+from station.cli.app import run_command
 from station.config.settings import load_settings
 from station.files.replace import replace_text
 from station.panel_protocol.answer import read_answer
@@ -25,7 +27,7 @@ from station.web.screen import Screen
 from station.wiring.alerts import read_book
 from station.wiring.jobs import load_job
 from station.wiring.shipping import read_statuses
-from tests.fakes import logs
+from tests.fakes import fixture_run, logs
 
 JOB, _ = load_job("six-point")
 
@@ -83,6 +85,24 @@ def test_a_document_of_another_shape_is_no_answer(tmp_path: Path, companion: Com
     for document in DOCUMENTS:
         replace_text(companion_file(database, companion), json.dumps(document))
         READERS[companion](database)
+
+
+def test_a_unit_that_was_not_turned_though_somebody_said_so_fails_by_gravity(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    turned = {"seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}}
+    asked = fixture_run.recipe(tmp_path, **turned, runs=[{"seating": "home"}, {"seating": "turned"}])
+    shutil.move(asked, "asked.yaml")
+    done = fixture_run.recipe(tmp_path, **turned, runs=[{"seating": "home"}, {"seating": "home"}])
+    words = ["simulate", "--recipe", done, "--units", "1", "--seed", "3", "--out", "samples.csv"]
+    assert run_command(words) == 0
+    lines = Path("samples.csv").read_text(encoding="utf-8").splitlines()
+    said = [line.replace('"home"', '"turned"') if line.split(",")[1] == "1" else line for line in lines]
+    Path("said.csv").write_text("\n".join(said) + "\n", encoding="utf-8")
+    for samples, code in (("samples.csv", 0), ("said.csv", 1)):
+        assert run_command(["calibrate", "--samples", samples, "--recipe", "asked.yaml"]) == code
+    assert "The residual at" in capsys.readouterr().out
 
 
 def nest_of(serial: str, outcome: str, attempt: str) -> dict[str, Any]:

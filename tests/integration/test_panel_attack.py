@@ -1,5 +1,7 @@
 """A short form of tests/endurance/torture_page.py, and `station stop`, which needs no page at all."""
 
+import io
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -8,7 +10,12 @@ from pathlib import Path
 import pytest
 
 from station.adapters.store.sqlite import SqliteStore
+from station.cli.app import run_command
 from station.errors import UsageError
+from station.panel_protocol import accounts
+from station.panel_protocol.accounts import Account, Role
+from station.panel_protocol.companion import Companion, companion_file
+from station.panel_protocol.journal import Journal
 from station.panel_protocol.stop import request_stop
 from station.web.connections import REQUEST_S, SOONEST, patience_s
 from tests.endurance import torture_page
@@ -25,6 +32,21 @@ except KeyboardInterrupt:
     store.close()
     sys.exit(7)
 """
+
+
+DEAF_OWNER = """
+import signal, sys, time
+from pathlib import Path
+from station.adapters.store.sqlite import SqliteStore
+from tests.fakes import logs
+signal.signal(signal.SIGINT, lambda *_: None)
+store = SqliteStore(Path(sys.argv[1]), owner="bench-7")
+store.begin(logs.begin("SN1"))
+print("ready", flush=True)
+while True:
+    time.sleep(60)
+"""
+ROOT = Path(__file__).parents[2]
 
 
 def test_held_connections_and_guesses_keep_nobody_from_stop_or_log_in(tmp_path: Path) -> None:
@@ -50,6 +72,41 @@ def test_stop_reaches_whoever_writes_the_log(tmp_path: Path) -> None:
         assert owner.stdout.readline() == "ready\n"
         assert request_stop(tmp_path / "s.db") == owner.pid
         assert owner.wait(20) == 7
+
+
+def test_only_an_engineer_ends_the_process_itself_and_what_is_left_is_recognised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The owner is deaf to stops, and holds an attempt open."""
+    monkeypatch.setattr(accounts, "_N", 2**7)
+    stored_hash = accounts.hash_password("correct horse")
+    people = {name: Account(name, role, stored_hash) for name, role in (("ada", Role.ENGINEER), ("bob", Role.OPERATOR))}
+    accounts.save(tmp_path / "accounts.json", people)
+    words = [sys.executable, "-c", DEAF_OWNER, str(tmp_path / "s.db")]
+
+    def kill(*more: str, password: str = "correct horse") -> int:
+        monkeypatch.setattr(sys, "stdin", io.StringIO(f"{password}\n"))
+        return run_command(["stop", "--db", str(tmp_path / "s.db"), *more])
+
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT) as owner:
+        assert owner.stdout is not None
+        assert owner.stdout.readline() == "ready\n"
+        assert [kill() for _ in range(3)] == [0, 0, 0]
+        for more, sentence in (
+            (("--kill",), "with --by NAME"),
+            (("--kill", "--by", "bob"), "only an engineer"),
+            (("--kill", "--by", "zoe"), "nobody called zoe"),
+        ):
+            with pytest.raises(UsageError, match=sentence):
+                kill(*more)
+        with pytest.raises(UsageError, match="the run goes on"):
+            kill("--kill", "--by", "ada", password="a guess of it")
+        assert owner.poll() is None
+        assert kill("--kill", "--by", "ada") == 0
+        assert owner.wait(20) == -signal.SIGKILL
+    assert [line["deed"] for line in Journal(companion_file(tmp_path / "s.db", Companion.JOURNAL)).lines()] == ["kill"]
+    with SqliteStore(tmp_path / "s.db") as store:
+        assert [attempt.serial for attempt in store.unfinished()] == ["SN1"]
 
 
 def test_without_a_run_there_is_nothing_to_stop(tmp_path: Path) -> None:
