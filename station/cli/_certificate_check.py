@@ -36,9 +36,15 @@ def check_file(path: Path, db: Path | None, config: Path | None, key: Path | Non
         _output.print_message(message)
     if found:
         return WRONG_DATA_EXIT_CODE
-    whose = {"serial": issue.serial, "attempt": issue.attempt}
-    head = {"number": issue.head.number, "hash": issue.head.hash}
-    _output.print_message(Message("certificate-check-good", file=str(path), **whose, **head))
+    whole = Message(
+        "certificate-check-good",
+        file=str(path),
+        serial=issue.serial,
+        attempt=issue.attempt,
+        number=issue.head.number,
+        hash=issue.head.hash,
+    )
+    _output.print_message(whole)
     if witnessed is not None:
         _output.print_message(witnessed)
     named = {"laboratory": issuer.laboratory.name, "customer": issuer.customer.name, "signatory": issuer.signatory}

@@ -214,16 +214,16 @@ def test_a_line_that_holds_the_log_for_days_seals_changes_and_signatures(
 ) -> None:
     database = folder / "station.db"
     with SqliteStore(database) as store, taking_requests(store, database):
-        words = ("panel", "--add", "bob", "--role", "operator", "--by", "ada")
-        assert station(folder, monkeypatch, *words, passwords=(PASSWORD, "bob's own one")) == 0
+        add = ("panel", "--add", "bob", "--role", "operator", "--by", "ada")
+        assert station(folder, monkeypatch, *add, passwords=(PASSWORD, "bob's own one")) == 0
         assert log_in(client, "bob", "bob's own one") == 303
-        words = ("panel", "--remove", "bob", "--by", "ada")
-        assert station(folder, monkeypatch, *words, passwords=(PASSWORD,)) == 0
+        remove = ("panel", "--remove", "bob", "--by", "ada")
+        assert station(folder, monkeypatch, *remove, passwords=(PASSWORD,)) == 0
         assert log_in(client, "bob", "bob's own one") == 401
-        words = ("sign", "SN0001", "--by", "eve", "--meaning", "reviewed")
-        assert station(folder, monkeypatch, *words, passwords=(PASSWORD,)) == 0
+        sign = ("sign", "SN0001", "--by", "eve", "--meaning", "reviewed")
+        assert station(folder, monkeypatch, *sign, passwords=(PASSWORD,)) == 0
         with pytest.raises(UsageError, match="already"):
-            station(folder, monkeypatch, *words, passwords=(PASSWORD,))
+            station(folder, monkeypatch, *sign, passwords=(PASSWORD,))
     assert verified(folder, monkeypatch, capsys)["findings"] == []
 
 

@@ -2,6 +2,7 @@
 
 import re
 from io import BytesIO
+from typing import Any
 
 import pypdf
 import pytest
@@ -13,10 +14,10 @@ from station.reporting.words import words_of
 from station.service.certificates import certificate_of
 from tests.fakes import fixture_run
 
-BRIEF = {"settle": {"time_s": 0.1}, "dwell": {"time_s": 0.1}}
-NO_WRITES = {"product": "sick-tmm88d", "verify": None}
+BRIEF: dict[str, Any] = {"settle": {"time_s": 0.1}, "dwell": {"time_s": 0.1}}
+NO_WRITES: dict[str, Any] = {"product": "sick-tmm88d", "verify": None}
 #: Recipe, what is changed in it, its unit, how many coefficients it estimates, and how many axes the device has.
-KINDS = {
+KINDS: dict[str, tuple[str, dict[str, Any], str, int, int]] = {
     "inclinometer": ("inclinometer-n-point", BRIEF, "deg", 6, 2),
     "zero alone": ("inclinometer-zero", BRIEF, "deg", 2, 2),
     "nothing written": ("six-point", NO_WRITES | BRIEF, "g", 12, 3),

@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cryptography.hazmat.primitives import serialization
@@ -143,7 +144,7 @@ def test_a_head_that_went_by_before_cannot_take_the_place_of_a_later_one(
     path, witness, sent = tmp_path / "station.db", served.client(signer), list[dict[str, object]]()
     ask = witness._ask
 
-    def overheard(address: str, body: dict[str, object] | None = None) -> dict[str, object]:
+    def overheard(address: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
         sent.extend([body] if body else [])
         return ask(address, body)
 

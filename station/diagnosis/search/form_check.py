@@ -75,7 +75,7 @@ def _follows_order(accepted: Candidate, view: ResidualView) -> bool:
     if accepted.of != "position":
         return False
     places = np.stack([accepted.code, view.scene.visits.visit])
-    return np.unique(places, axis=1).shape[1] == np.unique(accepted.code).size > 1
+    return bool(np.unique(places, axis=1).shape[1] == np.unique(accepted.code).size > 1)
 
 
 def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:

@@ -82,7 +82,7 @@ def _range(signal: SignalLayout) -> Iterator[Message]:
         return
     low, high = sorted(raw * signal.scale + signal.offset for raw in signal.raw_limits())
     slack = max(abs(signal.scale) * SLACK_STEPS, (high - low) * SLACK_SPAN) * (1 + 1e-9)
-    named = (("minimum", signal.minimum), ("maximum", signal.maximum))
+    named: tuple[tuple[str, float | None], ...] = (("minimum", signal.minimum), ("maximum", signal.maximum))
     reach = {"bits": signal.length, "low": low, "high": high}
     never_negative = not signal.signed and signal.offset == 0 and signal.scale > 0
     if never_negative and signal.minimum is not None and signal.minimum < 0:
