@@ -1,9 +1,10 @@
 """config.yaml → frozen settings of one station (schema `station.config/1`)."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from station.config.documents import Document, load_document, validate
 from station.config.line import LineSettings
@@ -124,6 +125,12 @@ class AlertSettings(StrictModel):
     run_length: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
 
 
+def _check_country(code: str) -> str:
+    if re.fullmatch("[A-Z]{2}", code) is None:
+        raise InvalidValue("country-unknown", given=code[:40])
+    return code
+
+
 class PartySettings(StrictModel):
     """Name and address of a laboratory or a customer, for certificates; country: ISO 3166-1, two letters."""
 
@@ -131,7 +138,7 @@ class PartySettings(StrictModel):
     street: ShortText = ""
     city: ShortText = ""
     post_code: ShortText = ""
-    country: Annotated[str, Field(pattern=r"^[A-Z]{2}$")] = "DE"
+    country: Annotated[str, Field(json_schema_extra={"pattern": "^[A-Z]{2}$"}), AfterValidator(_check_country)] = "DE"
 
 
 class CertificateSettings(StrictModel):

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from station.errors import UsageError
 from station.messages import Message, labels, render, templates
 
 _BETWEEN = re.compile(r"[^a-z0-9]+")
@@ -41,5 +42,8 @@ def _term_id(name: str) -> str:
 
 
 def words_of(code: str) -> Words:
-    """Words of that language."""
-    return Words(code, labels.all_texts()[code])
+    """Words of that language. Errors: UsageError where there is none of that code."""
+    known = labels.all_texts()
+    if code not in known:
+        raise UsageError("language-unknown", given=code[:20], known=tuple(known))
+    return Words(code, known[code])

@@ -140,11 +140,22 @@ def test_a_changed_digit_breaks_the_signature(folder: Path) -> None:
         (("--xml", "x.xml", "--dcc-version", "2.0"), "use 3.3.0 or 3.2.1"),
         (("--xml", "x.xml", "--sign-key", "k.pem"), "both --sign-key and --sign-cert"),
         (("--xml", "x.xml", "--attempt", "none"), "SN0001"),
+        (("--pdf", "x.pdf", "--language", "fr"), "There is no language 'fr'; choose one of de, en, zh."),
     ],
 )
 def test_refusals(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], shown: str) -> None:
     assert write(folder, *words) == 2
     assert shown in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("country", ["Germany", "de", "D"])
+def test_a_country_is_two_letters(
+    folder: Path, tmp_path: Path, country: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "config.yaml").write_text(CONFIG.replace("country: DE", f"country: {country}"))
+    wanted = ("--config", str(tmp_path / "config.yaml"), "--pdf", str(tmp_path / "c.pdf"))
+    assert station("certificate", "SN0001", "--db", str(folder / "t.db"), *wanted) == 2
+    assert f"{country!r} is no country code; write the two letters" in capsys.readouterr().err
 
 
 def test_a_log_that_does_not_verify_certifies_nothing(
