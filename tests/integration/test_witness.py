@@ -138,7 +138,7 @@ def test_a_restored_backup_is_refused_whatever_lies_beside_the_log(
 
 
 def test_a_head_that_went_by_before_cannot_take_the_place_of_a_later_one(
-    tmp_path: Path, served: Served, signer: keys.Signer
+    tmp_path: Path, served: Served, signer: keys.Signer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Somebody on the network, without any key, has kept what the station sent on Monday, replacements among it."""
     path, witness, sent = tmp_path / "station.db", served.client(signer), list[dict[str, object]]()
@@ -148,7 +148,7 @@ def test_a_head_that_went_by_before_cannot_take_the_place_of_a_later_one(
         sent.extend([body] if body else [])
         return ask(address, body)
 
-    witness._ask = overheard  # type: ignore[method-assign]
+    monkeypatch.setattr(witness, "_ask", overheard)
     with opened(path, signer, witness) as store:
         load(store, "SN1")
     copy(path, tmp_path / "monday")
