@@ -41,6 +41,7 @@ from station.wiring.jobs import load_job
 from station.wiring.page_seals import PageSeals
 from tests.fakes import fixture_run
 from tests.fakes.logs import stranger
+from tests.fakes.passwords import quick_hash
 
 PASSWORD, FORGED = "correct horse", "battery staple"
 
@@ -58,7 +59,7 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of one unit, with ada (engineer) and eve (auditor) sealed."""
     folder = tmp_path_factory.mktemp("sealed")
     fixture_run.run(folder, ["SN0001"])
-    stored_hash = accounts.hash_password(PASSWORD)
+    stored_hash = quick_hash(PASSWORD)
     people = [Account("ada", Role.ENGINEER, stored_hash), Account("eve", Role.AUDITOR, stored_hash)]
     accounts.save(folder / "accounts.json", {p.name: p for p in people})
     assert page_seals(folder).seal()
@@ -67,7 +68,7 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def forged() -> str:
-    return accounts.hash_password(FORGED)
+    return quick_hash(FORGED)
 
 
 @pytest.fixture

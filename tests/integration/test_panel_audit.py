@@ -23,6 +23,7 @@ from station.web.query_form import query_of
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
+from tests.fakes.passwords import quick_hash
 
 HTML = {"accept": "text/html"}
 
@@ -36,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def client(folder: Path) -> Iterator[TestClient]:
-    people = {"ada": Account("ada", Role.AUDITOR, accounts.hash_password("correct horse"))}
+    people = {"ada": Account("ada", Role.AUDITOR, quick_hash("correct horse"))}
     accounts.save(folder / "accounts.json", people)
     job, _ = load_job("six-point")
     order = LaunchOptions(folder / "station.db", "six-point", simulate=True)

@@ -14,12 +14,13 @@ from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
+from tests.fakes.passwords import quick_hash
 
 
 @pytest.mark.timeout(300)
 def test_picked_units_are_diagnosed_and_the_report_opens(tmp_path: Path) -> None:
     fixture_run.run(tmp_path, units=2)
-    people = {"emil": Account("emil", Role.ENGINEER, accounts.hash_password("correct horse"))}
+    people = {"emil": Account("emil", Role.ENGINEER, quick_hash("correct horse"))}
     accounts.save(tmp_path / "accounts.json", people)
     job, _ = load_job("six-point")
     order = LaunchOptions(tmp_path / "station.db", "six-point", simulate=True)

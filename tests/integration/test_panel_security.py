@@ -20,6 +20,7 @@ from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
+from tests.fakes.passwords import quick_hash
 
 PASSWORD = "correct horse"
 #: Routes that anybody may see; /metrics looks at the address instead.
@@ -89,7 +90,7 @@ class House:
 
 @pytest.fixture(scope="module")
 def people() -> dict[str, Account]:
-    hashed = accounts.hash_password(PASSWORD)
+    hashed = quick_hash(PASSWORD)
     return {role.value: Account(role.value, role, hashed) for role in Role}
 
 

@@ -25,6 +25,7 @@ from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
+from tests.fakes.passwords import quick_hash
 
 PASSWORD = "correct horse"
 PEOPLE = {"ada": Role.ENGINEER, "eve": Role.AUDITOR, "bob": Role.OPERATOR}
@@ -34,7 +35,7 @@ PEOPLE = {"ada": Role.ENGINEER, "eve": Role.AUDITOR, "bob": Role.OPERATOR}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("log")
     fixture_run.run(made, ["SN0001", "SN0002"], faults=("SN0002/stuck-axis:value=2",))
-    stored_hash = accounts.hash_password(PASSWORD)
+    stored_hash = quick_hash(PASSWORD)
     people = {name: Account(name, role, stored_hash) for name, role in PEOPLE.items()}
     accounts.save(made / "accounts.json", people)
     return made

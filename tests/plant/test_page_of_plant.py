@@ -19,6 +19,7 @@ from station.web.app import create_app
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring.jobs import load_job
+from tests.fakes.passwords import quick_hash
 from tests.fakes.plant import FakePlant, FakeStation, Server
 
 PASSWORD = "correct horse"
@@ -34,7 +35,7 @@ def pages(
     place = tmp_path_factory.mktemp("pages")
     plant = FakePlant(server.database(), place / "objects")
     assert plant.take_all(real_log).refusal is None
-    file, hashed = place / "accounts.json", accounts.hash_password(PASSWORD)
+    file, hashed = place / "accounts.json", quick_hash(PASSWORD)
     accounts.save(file, {role.value: Account(role.value, role, hashed) for role in Role})
     settings, job = load_settings(real_log.folder / "config.yaml"), load_job("six-point")[0]
     made = [
