@@ -125,7 +125,8 @@ class WriteBack:
         unit.enter(UnitState.STORED)
 
     def confirm(self) -> None:
-        """The device is still what was verified: it did not restart, it is the same unit, it holds the same objects.
+        """The device is still what was verified: it did not restart, it is the same unit, it holds the same objects and
+        sends them as before.
 
         Errors: WrongUnit, DeviceChanged.
         """
@@ -144,6 +145,7 @@ class WriteBack:
             names = tuple(w.name for w in self._writes if w.address in wanted and read[w.address] != w.raw)
             raise DeviceChanged("changed-after-verification", unit=unit.label, names=names)
         self._check_checksum()
+        process_data.check_unchanged(unit, self._job)
         if restarted or unit.device.boot_ups() != unit.boot_ups:
             raise DeviceChanged("unit-restarted", unit=unit.label, when=Message("while-verified"))
         if (age_s := unit.device.heartbeat_age_s()) > (limit_s := unit.heartbeat_limit_s):

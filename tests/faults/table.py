@@ -67,6 +67,7 @@ _WHO = _rows(
         ERROR,
         "77, but was 1",
     ),
+    ("unit exchanged while it is verified", "device other-unit:at=105,value=77", ERROR, "77, but was 1", NEW),
 )
 
 _OPTIONAL = _rows(
@@ -129,6 +130,7 @@ _SENDING = _rows(
     ("it falls back in the tumble", "device falls-back:after_s=6", ERROR, "it is pre-operational although"),
     ("it falls back in the verification", "device falls-back:after_s=21", ERROR, "it is pre-operational although", NEW),
     ("it maps other objects before the write", "device remap:after_s=15", ERROR, "its PDO 1 maps other objects than"),
+    ("it maps other objects in the verification", "device remap:after_s=24", ERROR, "its PDO 1 maps other", NEW),
     ("it maps other objects in the tumble", "device remap:after_s=6", ERROR, "its PDO 1 maps other objects than"),
     ("its output switch is not saved: set again", "device forgets:index=0x2106", PASS, "", NEW),
     ("a coefficient is not saved", "device forgets:index=0x2101,sub=4", FAIL, "a mixture of old and new values", MIXED),
@@ -158,6 +160,20 @@ _TRAFFIC = _rows(
         "emergency 0x8210",
     ),
     ("traffic during verification", "device emergency:code=0x8220,register=0,after_s=23", PASS, "", NEW),
+    ("a storm of them, 2,000 in 2 s", "device emergency:code=0x8210,register=0,after_s=5,times=2000", PASS, "", NEW),
+    (
+        "a storm of them while it is written",
+        "device emergency:code=0x8210,register=0,after_s=19,times=3000",
+        PASS,
+        "",
+        NEW,
+    ),
+    (
+        "a storm about hardware",
+        "device emergency:code=0x5000,register=1,after_s=5,times=2000",
+        FAIL,
+        "emergency 0x5000",
+    ),
     ("hardware, error register 0", "device emergency:code=0x5000,register=0,after_s=6", FAIL, "emergency 0x5000"),
 )
 
@@ -312,6 +328,7 @@ _SAVES = _rows(
     ("save fails", "device save-fails", FAIL, "0x1010:01: hardware error"),
     ("save confirmed, nothing kept", "device save-lies", FAIL, "holds old values after save and reset"),
     ("power lost half-way through the save", "device save-torn", ERROR, "sent no boot-up message", MIXED),
+    ("power lost half-way through the save, and back", "device save-torn:seconds=1", FAIL, "a mixture of", MIXED),
     ("save done but not answered", "device silent:index=0x1010", PASS, "", NEW),
     ("save not heard", "device deaf:index=0x1010", FAIL, "holds old values after save and reset"),
     ("save answered 6 s late", "device late:seconds=6,index=0x1010", PASS, "", NEW),

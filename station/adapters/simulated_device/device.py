@@ -35,6 +35,8 @@ _NMT_STATES = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL}
 _START, _RESET_NODE, _RESET_COMMUNICATION = 0x01, 0x81, 0x82
 _HEARTBEAT_TIME = 0x1017
 _FIRST_MAPPING = 0x1A00
+#: Between the emergencies of a storm.
+_STORM_PERIOD_S = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +268,8 @@ class SimulatedDevice:
         for fault in faults:
             due_s = self._born_s + fault.after_s
             if fault.kind == "emergency" and not fault.seconds:
-                self._external_events.at(due_s, partial(self._emergency, fault))
+                for number in range(max(1, fault.times)):
+                    self._external_events.at(due_s + _STORM_PERIOD_S * number, partial(self._emergency, fault))
             elif fault.kind == "falls-back":
                 self._external_events.at(due_s, self._fall_back)
             elif fault.kind == "remap":

@@ -36,7 +36,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "no-boot-up": "does not send its boot-up message",
         "heartbeat-stops": "sends no heartbeat from `after_s` on",
         "emergency": "sends EMCY `code`, with the error register `register`, at `after_s`, or, while operational,"
-        " `seconds` after the last start",
+        " `seconds` after the last start; `times` of them, a millisecond apart",
         "spontaneous-reset": "resets itself at `after_s`",
         "counter-stuck": "the frame counter stands still",
         "crc-errors": "a `fraction` of the frames has a wrong CRC",
