@@ -12,6 +12,7 @@ from station.cli import _output
 from station.config.search_path import shipped_folder
 from station.domain.can.signals import FrameLayout
 from station.domain.product.draft import frame_roles, map_objects
+from station.domain.product.draft.dbc_text import dbc_text
 from station.domain.product.draft.frame_roles import FrameRoles
 from station.domain.product.draft.map_objects import MapObjects
 from station.domain.product.draft.product_text import ProductDraft, product_text
@@ -72,6 +73,8 @@ class DraftFiles:
 def draft_product(request: InitRequest, *, as_json: bool) -> int:
     """Writes the draft, checks it, runs it; the exit code of the run. Errors: UsageError, ProductError."""
     request = _completed(request)
+    if request.dbc is None and request.eds is not None:
+        return _draft_dbc(request, request.eds, as_json=as_json)
     draft = _from_nothing(request) if request.dbc is None else _from_files(request)
     _write(request.folder, draft.texts)
     recipe = str(Path("recipes") / f"{draft.recipe}.yaml")
@@ -94,17 +97,33 @@ def draft_product(request: InitRequest, *, as_json: bool) -> int:
     return code
 
 
+def _draft_dbc(request: InitRequest, eds: Path, *, as_json: bool) -> int:
+    """The DBC alone, by the PDO mapping: the EDS does not tell what a count is. Errors: ProductError, UsageError."""
+    text = dbc_text(read_dictionary(eds, 1, frozenset()), object_titles(eds))
+    if not text:
+        raise ProductError("init-no-mapping", eds=str(eds))
+    dbc = Path(f"{request.name}.dbc")
+    _write(request.folder, {dbc: text.encode()})
+    path = str(request.folder / dbc)
+    remark = Message("init-dbc-drafted", name=request.name, dbc=path, eds=str(eds))
+    if as_json:
+        remarks = [render(remark)]
+        _output.print_json({"schema": SCHEMA, "files": [path], "remarks": remarks, "problem": None, "exit_code": 0})
+    else:
+        _output.print_message(remark)
+    return 0
+
+
 def _completed(request: InitRequest) -> InitRequest:
     """The request with what a person on a terminal adds to it. Errors: UsageError."""
     if request.dbc is None and sys.stdin.isatty():
         request = replace(request, dbc=_ask_file("init-ask-dbc"))
         if request.dbc is not None and request.eds is None:
             request = replace(request, eds=_ask_file("init-ask-eds"))
-    if request.eds is not None and request.dbc is None:
-        raise UsageError("init-eds-alone", eds=str(request.eds))
     if request.sensor is not None and request.sensor not in RECIPES:
         raise UsageError("init-unknown-sensor", sensor=request.sensor[:40], known=tuple(RECIPES))
-    name = request.name or ("my-sensor" if request.dbc is None else request.dbc.stem)
+    source = request.dbc or request.eds
+    name = request.name or ("my-sensor" if source is None else source.stem)
     return replace(request, name=re.sub(r"[^\w\-]+", "-", name).strip("-").lower() or "product")
 
 

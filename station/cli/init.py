@@ -11,7 +11,7 @@ from station.cli._options import AsJson
 def command(
     name: Annotated[str | None, Argument(help="Name of the product; left out: that of the DBC.")] = None,
     dbc: Annotated[Path | None, Option(help="DBC with the device's readings.")] = None,
-    eds: Annotated[Path | None, Option(help="Its EDS or DCF, where it has one.")] = None,
+    eds: Annotated[Path | None, Option(help="Its EDS or DCF, where it has one; alone it drafts the DBC.")] = None,
     sensor: Annotated[
         str | None, Option(help="Kind of sensor: accelerometer, gyroscope, magnetometer, inclinometer.")
     ] = None,

@@ -75,7 +75,7 @@ def test_in_a_pipe_it_asks_nothing_and_answers_in_json(here: Path, capsys: pytes
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--eds", str(SHIPPED / "gyroscope.eds")], "not how readings are scaled: add --dbc"),
+        (["--eds", str(SHIPPED / "gyroscope.dbc")], "gyroscope.dbc"),
         (["--dbc", "nowhere.dbc"], "nowhere.dbc cannot be read"),
         (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "thermometer"], "no draft for the sensor"),
         (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "magnetometer"], "no message whose signals x, y and z"),
@@ -190,6 +190,35 @@ def test_an_inclinometer_of_two_tilts_passes_and_of_one_is_drafted_where_it_is_n
         run_command(["init", "--dbc", "one.dbc", "--folder", "a", "--no-run"])
     assert run_command(["init", "--dbc", "one.dbc", "--folder", "b", "--sensor", "inclinometer", "--no-run"]) == 0
     assert "axes: 1" in (here / "b" / "recipes" / "one-n-point.yaml").read_text("utf-8")
+
+
+def test_an_eds_alone_drafts_the_dbc_that_angles_need_no_more_than(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    eds = str(SHIPPED / "examples" / "siko-ik360.eds")
+    assert run_command(["init", "slope", "--eds", eds]) == 0
+    assert f"station init slope --dbc slope.dbc --eds {eds}" in capsys.readouterr().out
+    assert run_command(["init", "slope", "--dbc", "slope.dbc", "--eds", eds]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("✔ PASS") == 2
+    assert "TPDO1 (Slope_longitudinal, Slope_lateral in deg): inclinometer" in shown
+
+
+def test_counts_of_an_eds_are_told_to_need_a_factor(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    eds = SHIPPED / "examples" / "epson-m-a552.eds"
+    assert run_command(["init", "shaker", "--eds", str(eds), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"] == ["shaker.dbc"]
+    drafted, shipped = read_layouts(here / "shaker.dbc", None), read_layouts(eds.with_suffix(".dbc"), None)
+    places = [
+        {m.can_id: [(s.start, s.length, s.signed, s.is_float) for s in m.signals] for m in found.values()}
+        for found in (drafted, shipped)
+    ]
+    assert places[0] == places[1]
+    with pytest.raises(ProductError, match="in counts, without factor and unit"):
+        run_command(["init", "shaker", "--dbc", "shaker.dbc", "--eds", str(eds)])
+    with pytest.raises(ProductError, match="maps no object to a TPDO"):
+        (here / "none.eds").write_text(eds.read_text("latin-1").replace("[1A0", "[5A0"), "latin-1")
+        run_command(["init", "none", "--eds", "none.eds"])
 
 
 UDS = """map:

@@ -33,6 +33,26 @@ class MappedObject:
         return self.first_bit + self.length
 
 
+@dataclass(frozen=True, slots=True)
+class MappedPdo:
+    """A TPDO of an EDS. number: from 0; can_id: with the kernel's flag; is_off: whether it is not sent."""
+
+    number: int
+    can_id: int
+    is_off: bool
+    objects: tuple[MappedObject, ...]
+
+
+def mapped_pdos(dictionary: ObjectDictionary) -> Iterator[MappedPdo]:
+    """Every TPDO, in the order of their numbers."""
+    for number in range(MOST_PDOS):
+        entry = dictionary.entries.get((COMMUNICATION + number, COB_ID))
+        if entry is not None and isinstance(entry.default, int):
+            pdo = SendingPdo(number, entry.default, 0, None, ())
+            objects = tuple(_placed(_entries(dictionary, number), dictionary))
+            yield MappedPdo(number, pdo.can_id, pdo.is_off, objects)
+
+
 def pdo_mismatches(layout: SensorLayout, device_map: DeviceMap, dictionary: ObjectDictionary) -> tuple[Message, ...]:
     """Every contradiction between the messages that a product reads and the PDOs that carry them.
 

@@ -23,7 +23,7 @@ _INCLINOMETER = "inclinometer"
 _TILT = re.compile(r"tilt|incl|slope|pitch|roll|neig|level|倾", re.IGNORECASE)
 #: Angles that are no tilt against gravity.
 _NO_TILT = re.compile(
-    r"gps|gnss|posit|heading|course|steer|wheel|latitud|longitud|(?<![a-z])(lat|long?)(?![a-z])|accuracy|rate|crank",
+    r"gps|gnss|posit|heading|course|steer|wheel|latitude|longitude|(?<![a-z])(lat|long?)(?![a-z])|accuracy|rate|crank",
     re.IGNORECASE,
 )
 #: Identifiers of the four TPDOs (CiA 301, 7.3.5): the node id is what stands behind them.
