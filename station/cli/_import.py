@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from station.cli import _output
 from station.config.recipes import load_recipe
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import columns, samples, understanding
+from station.domain.recognition import columns, samples, still_files, understanding
 from station.domain.recognition.clock import TIME_UNITS
 from station.domain.recognition.quantities import QUANTITIES
 from station.domain.recognition.raw_table import ImportOptions, RawTable
@@ -30,7 +30,8 @@ ASSUMED_RATE_HZ = 100.0
 @dataclass(frozen=True, slots=True)
 class ImportJob:
     """options: what is stated of the columns; recipe: unit and positions; runs: files are runs and not units;
-    segmenting: rest is found, whatever visits a table of this station has."""
+    segmenting: rest is found, whatever visits a table of this station has; units: files are units, whatever poses
+    they hold."""
 
     options: ImportOptions
     recipe: str | None
@@ -38,6 +39,7 @@ class ImportJob:
     serial: str | None
     runs: bool = False
     segmenting: bool = False
+    units: bool = False
 
 
 def import_files(
@@ -64,13 +66,26 @@ def _visited(
 ) -> list[tuple[UnitRecording, Visits | None]]:
     """The passes of every file with their visits; raw: without."""
     task = bar.add_task("", total=len(files))
-    visited: list[tuple[UnitRecording, Visits | None]] = []
+    read: list[list[UnitRecording]] = []
     for run, path in enumerate(files):
         bar.update(task, description=render(Message("activity-reading", file=path.name)))
-        passes = _passes(path, run, job, recipe)
-        visited += [(one, None if raw else samples.visits_of(one.recording, recipe)) for one in passes]
+        read.append(_passes(path, run, job, recipe))
         bar.advance(task)
-    return visited
+    one_rest = job.units or (recipe is not None and len(recipe.positions) == 1)
+    passes = [one for passes in read for one in passes] if raw or one_rest else _as_units(files, read, job)
+    return [(one, None if raw else samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
+
+
+def _as_units(files: Sequence[Path], read: Sequence[list[UnitRecording]], job: ImportJob) -> list[UnitRecording]:
+    """The passes of the files, those that hold the poses of one unit joined."""
+    stated = job.runs or job.segmenting or job.options.labels is not None or job.options.blocks is not None
+    if stated or any(len(passes) != 1 for passes in read):
+        return [one for passes in read for one in passes]
+    named = [(str(f.parent), f.stem) for f in files]
+    joined = still_files.units_of_poses(named, [passes[0].recording for passes in read], job.serial)
+    if joined is None:
+        return [passes[0] for passes in read]
+    return [UnitRecording(serial, 0, recording) for serial, recording in joined]
 
 
 def _write(visited: Sequence[tuple[UnitRecording, Visits | None]], out: Path, *, raw: bool) -> None:

@@ -23,6 +23,7 @@ def command(
     dbc: Annotated[Path | None, Option(help="Messages of recorded CAN frames.")] = None,
     serial: Annotated[str | None, Option(help="Serial number; left out: the file's name.")] = None,
     runs: Annotated[bool, Option("--runs", help="Several files are runs of one unit, not units.")] = False,
+    units: Annotated[bool, Option("--units", help="Several files are units, even if each holds one pose.")] = False,
     json: Annotated[bool, Option("--json", help="What was understood as one JSON document.")] = False,
 ) -> int:
     """Read any recording or table of readings, print what was understood, and write a samples table.
@@ -31,6 +32,10 @@ def command(
 
         station import turned.csv --out turned.parquet
         station calibrate --samples turned.parquet --recipe hand-held
+
+    Files of one pose each are the visits of one unit:
+
+        station import z-up.csv z-down.csv y-up.csv y-down.csv x-up.csv x-down.csv --out faces.parquet
 
     Readings without stamps, in blocks of 100, one orientation each:
 
@@ -47,4 +52,4 @@ def command(
     options = ImportOptions(
         places, time_unit, rate, temperature, labels, blocks=blocks, unit=unit, zero=zero, scale=scale
     )
-    return import_files(files, ImportJob(options, recipe, dbc, serial, runs), out, raw=raw, as_json=json)
+    return import_files(files, ImportJob(options, recipe, dbc, serial, runs, units=units), out, raw=raw, as_json=json)

@@ -96,7 +96,8 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     out = moving | merged
     preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
     poses = _poses(recipe, mean[~out], unit[~out])
-    preflight_checks.check_poses(recipe, poses, table)
+    turned = preflight_checks.one_turned_unit(recipe, mean[~out], unit[~out])
+    preflight_checks.check_poses(recipe, poses, table, turned)
     lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))
     warm = table.values.get("temperature_degC")
     lengths = np.linalg.norm(mean[~out] if (~out).any() else mean, axis=1)
@@ -109,7 +110,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         temperature_degC=None if warm is None else (float(np.nanmin(warm)), float(np.nanmax(warm))),
         inferred=inferred_keys(recipe),
         left_out=lost,
-        remarks=tuple(preflight_checks.remarks(recipe, table, (begin, mean, out), found)),
+        remarks=tuple(preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned)),
         simulated=_simulated(table, begin),
     )
     return result, table[~out[number]] if out.any() else table

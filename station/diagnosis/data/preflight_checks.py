@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.data.visit_motion import VisitMotion
+from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import usual_rates
@@ -28,6 +29,8 @@ SAME_RATIO = 0.05
 DROWNED = 1.0
 #: Temperatures that range over more than this are a reason to stay in one pose.
 HEATED_DEGC = 2.0
+#: Units of one pose each, at least so many and in so many orientations, are one unit's files.
+LEAST_TURNED = 3
 #: An axis that no pose moves by this share of the stimulus is not stimulated.
 STIMULATED = 0.3
 
@@ -71,12 +74,25 @@ def check_signal(recipe: Recipe, found: InferredSheet, size: float) -> None:
         raise SamplesError("noise-above-stimulus", noise=noise, size=size, unit=recipe.unit)
 
 
-def check_poses(recipe: Recipe, poses: int, table: SampleTable) -> None:
-    """Errors: SamplesError where only the magnitude is known, in one pose, and nothing else changes either."""
+def check_poses(recipe: Recipe, poses: int, table: SampleTable, turned: Message | None) -> None:
+    """Errors: SamplesError where only the magnitude is known, in one pose, and nothing else changes either; turned:
+    what was remarked of units with a pose each."""
     warm = table.values.get("temperature_degC")
     heated = warm is not None and float(np.nanmax(warm) - np.nanmin(warm)) > HEATED_DEGC
     if not recipe.pose_known and poses < 2 and not heated and recipe.reference.source != "rate":
-        raise SamplesError("one-unknown-pose")
+        raise SamplesError("one-unknown-pose") if turned is None else SamplesError(turned)
+
+
+def one_turned_unit(recipe: Recipe, mean: Floats, unit: Ints) -> Message | None:
+    """That units, visits' means (v, 3) with one pose each, are rather one unit's files; None where they are not."""
+    if recipe.reference.source == "rate":
+        return None
+    units, pose = np.unique(unit), orientations(mean)
+    together = len(np.unique(pose))
+    pairs = len(np.unique(np.stack([unit, pose]), axis=1).T)
+    if len(units) < LEAST_TURNED or together < LEAST_TURNED or pairs > len(units):
+        return None
+    return Message("units-of-one-pose", units=len(units), poses=together)
 
 
 def check_magnitude(recipe: Recipe, mean: Floats, unit: Ints, found: InferredSheet) -> None:
@@ -105,14 +121,19 @@ def remarks(
     table: SampleTable,
     visits: tuple[NDArray[np.int64], Floats, NDArray[np.bool_]],
     found: InferredSheet,
+    turned: Message | None,
 ) -> Iterator[Message]:
-    """What a person should know; visits: first rows (v), means (v, 3) and which are left out (v)."""
+    """What a person should know; visits: first rows (v), means (v, 3) and which are left out (v); turned: what was
+    remarked of units with a pose each."""
     begin, mean, out = visits
     yield from _rate(recipe, table, begin, found)
     yield from _unit(recipe, mean[~out])
     if found.full_scale is not None and recipe.device.full_scale is None:
         yield Message("readings-cut-off", full_scale=found.full_scale, unit=recipe.unit)
-    yield from _not_stimulated(recipe, mean[~out], table.unit.code[begin][~out], table.unit.names)
+    if turned is not None:
+        yield turned
+    else:
+        yield from _not_stimulated(recipe, mean[~out], table.unit.code[begin][~out], table.unit.names)
     yield from _restarts(table, begin)
 
 

@@ -76,21 +76,23 @@ def _rows(table: RawTable, rows: NDArray[np.intp]) -> RawTable:
     return RawTable(table.source, columns, table.named, table.rate_hz, table.remarks)
 
 
-def visits_of(recording: Recording, recipe: Recipe | None) -> Visits:
-    """The visits of a recording. Errors: SamplesError where there are none, or it is no tumble."""
+def visits_of(recording: Recording, recipe: Recipe | None, *, one_rest: bool = False) -> Visits:
+    """The visits of a recording; one_rest: a single one will do. Errors: SamplesError where there are none, or it is
+    no tumble."""
     if recording.edges is not None and recording.declared is not None:
         names = recording.names or tuple(f"block-{i + 1:03d}" for i in range(len(recording.edges)))
         found = Visits(recording.edges, names, recording.declared)
     else:
-        found = _undeclared(recording)
+        found = _undeclared(recording, one_rest=one_rest)
     return found if recipe is None or not recipe.pose_known else _named(recording, found, recipe)
 
 
-def _undeclared(recording: Recording) -> Visits:
+def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
     """By rest or, where nothing rests but the readings are a pose each, a visit a reading."""
     try:
         edges = _rest(recording)
-        _check_tumble(recording, edges)
+        if not (one_rest and len(edges) == 1):
+            _check_tumble(recording, edges)
     except SamplesError:
         # Gravity shows in a reading only while the hand rests; a magnetometer's field does at any time.
         listed = recording.clock.unit == "none" or recording.unit == "uT"

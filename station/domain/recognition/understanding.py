@@ -77,7 +77,7 @@ def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:
         yield "time_unit"
     if r.clock.source != "given":
         yield "rate"
-    if visits is not None and visits.found_by in ("rest", "shown-blocks", "readings"):
+    if visits is not None and visits.found_by in ("rest", "shown-blocks", "readings", "files"):
         yield "visits"
     yield from ("noise", "lsb", "full_scale")
 
