@@ -272,6 +272,17 @@ def test_a_record_of_another_thread_between_a_finish_and_its_reading_back_hurts_
     assert whole(path)
 
 
+def test_a_half_written_unit_is_recognised_under_any_spelling_of_its_number(path: Path) -> None:
+    with SqliteStore(path) as store:
+        attempt = store.begin(logs.begin("SN0042"))
+        store.result(attempt, "write-plan", {"objects": {"2101:01": "00"}})
+        store.finish(attempt, "INTERRUPTED", 1)
+        for serial in ("SN0042", "SN00042", "SN42"):
+            found = store.suspect(serial)
+            assert found is not None and found.attempt == attempt, serial
+        assert [store.suspect(serial) for serial in ("SN0420", "SN0043", "S0042")] == [None] * 3
+
+
 OWN = """
 import sys, time
 from pathlib import Path

@@ -9,6 +9,15 @@ from tests.fakes import tumble
 RECIPE = tumble.recipe("six-point")
 
 
+def test_every_spelling_of_a_number_is_told_and_each_is_the_same_unit() -> None:
+    for text in ("SN0042", "42", "SN", "A1-007", "SN000000000000000007", "1-2-3-4-5-6"):
+        spelt = serial.spellings(text)
+        assert text in spelt
+        assert {serial.canonical(each) for each in spelt} == {serial.canonical(text)}
+        assert len(spelt) == len(set(spelt)) <= 400
+    assert {"SN42", "SN042", "SN0000000042"} <= set(serial.spellings("SN0042"))
+
+
 @pytest.mark.parametrize(
     ("one", "other", "same"),
     [

@@ -4,6 +4,7 @@ import json
 import sqlite3
 
 from station.adapters.store.schema import SPAN
+from station.domain.recipe.serial import spellings
 from station.ports.store import SuspectAttempt, UnfinishedAttempt, WriteRecord
 
 _ATTEMPTS = """
@@ -30,7 +31,7 @@ def find_unfinished(db: sqlite3.Connection) -> list[tuple[int, UnfinishedAttempt
     return unfinished
 
 
-_OF_SERIAL = "SELECT seq, id, started_ns FROM attempt WHERE serial = ? ORDER BY seq DESC"
+_OF_SERIALS = "SELECT seq, id, started_ns FROM attempt WHERE serial IN ({}) ORDER BY seq DESC"
 
 _RESULT = f"SELECT document FROM result WHERE {SPAN} AND name = :name ORDER BY seq DESC LIMIT 1"
 
@@ -43,8 +44,10 @@ _LAST_WORD = f"""
 
 
 def find_suspect(db: sqlite3.Connection, serial: str) -> SuspectAttempt | None:
-    """See Store.suspect."""
-    for number, uid, started_ns in db.execute(_OF_SERIAL, (serial,)).fetchall():
+    """See Store.suspect. A serial with other leading zeros is the same device."""
+    spelt = spellings(serial)
+    query = _OF_SERIALS.format(", ".join("?" * len(spelt)))
+    for number, uid, started_ns in db.execute(query, spelt).fetchall():
         planned = _objects(db, number, "write-plan")
         if planned is None:
             continue

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Sequence
+from itertools import product
+from math import prod
 
 from station.domain.core.patterns import matches_whole
 from station.domain.recipe.recipe import Recipe
@@ -11,6 +13,8 @@ from station.errors import UsageError
 MOD43 = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ-. $/+%"
 #: Longer is no serial but a scanner reading the wrong label.
 MAX_LENGTH = 64
+#: Leading zeros by which spellings of one number may differ; so many spellings of a serial are told at most.
+_ZEROS, _MOST_SPELLINGS = 11, 400
 
 
 def check(serial: str, recipe: Recipe) -> str:
@@ -42,6 +46,22 @@ def check_all(serials: Sequence[str], recipe: Recipe) -> tuple[str, ...]:
 def canonical(serial: str) -> str:
     """The serial without leading zeros of its numbers: SN0001 and SN00001 are one device number, so one unit."""
     return re.sub(r"(?<!\d)0+(?=\d)", "", serial)
+
+
+def spellings(serial: str) -> list[str]:
+    """The serials that are this one but for leading zeros: as many as fill a number to its own length or by _ZEROS; of
+    several numbers only the last one's, where all together would be too many."""
+    parts = re.split(r"([0-9]+)", serial)
+    numbers = range(1, len(parts), 2)
+    choices = [_widths(part) if place in numbers else [part] for place, part in enumerate(parts)]
+    if prod(map(len, choices)) > _MOST_SPELLINGS:
+        choices = [[part] if place != numbers[-1] else _widths(part) for place, part in enumerate(parts)]
+    return ["".join(chosen) for chosen in product(*choices)]
+
+
+def _widths(number: str) -> list[str]:
+    core = number.lstrip("0") or "0"
+    return ["0" * zeros + core for zeros in range(max(len(number) - len(core), _ZEROS) + 1)]
 
 
 def mod10(serial: str) -> bool:
