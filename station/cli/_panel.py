@@ -89,8 +89,7 @@ def change_accounts(where: PanelFiles, wish: PersonChange) -> int:
     if wish.remove is not None and wish.remove not in people:
         raise UsageError("panel-no-person", file=str(path), name=wish.remove, people=tuple(people))
     if wish.add is not None:
-        if not wish.add.isprintable() or not 0 < len(wish.add) <= 64:
-            raise UsageError("panel-name-form")
+        accounts.check_name(wish.add, people)
         if wish.role not in list(Role):
             raise UsageError("panel-unknown-role", role=wish.role, roles=tuple(Role))
     if wish.by is not None:

@@ -5,6 +5,8 @@ import hashlib
 import hmac
 import json
 import secrets
+import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -18,6 +20,9 @@ _N, _R, _P = 2**17, 8, 1
 
 
 MAX_LENGTH = 200
+_LONGEST_NAME = 64
+#: Small letters of Cyrillic and Greek that look like Latin ones, as capitals or as they are; l and 1, o and 0.
+_LIKE_LATIN = str.maketrans("аеорсухіјѕԁһԛԝвкмнтαορτυνικχ10", "aeopcyxijsdhqwbkmhtaoptuvikxlo")
 
 
 class Role(StrEnum):
@@ -74,6 +79,21 @@ def verify_password(password: str, stored_hash: str) -> bool:
 
 #: Verified when the name is unknown, so that the answer takes as long as for a known one.
 DUMMY_HASH = f"scrypt${_N}${_R}${_P}${base64.b64encode(bytes(16)).decode()}${base64.b64encode(bytes(64)).decode()}"
+
+
+def check_name(name: str, others: Iterable[str]) -> None:
+    """Errors: UsageError for what is no name, or could be taken for one of the others on a page or a certificate."""
+    if not name.isprintable() or not 0 < len(name) <= _LONGEST_NAME or name != " ".join(name.split()):
+        raise UsageError("panel-name-form")
+    for other in others:
+        if other != name and _outline(other) == _outline(name):
+            raise UsageError("panel-name-lookalike", name=name, other=other)
+
+
+def _outline(name: str) -> str:
+    """How a name looks at a glance: without case, marks, blanks and the width or script of its letters."""
+    plain = unicodedata.normalize("NFKD", unicodedata.normalize("NFKD", name).casefold())
+    return "".join(c for c in plain if c.isalnum()).translate(_LIKE_LATIN)
 
 
 def load(path: Path) -> dict[str, Account]:

@@ -85,6 +85,18 @@ def test_a_form_token_belongs_to_one_session() -> None:
     assert open_.find(a.token) is None
 
 
+def test_no_name_can_be_taken_for_another() -> None:
+    others = ("ada", "Li Wei", "O'Neil", "bob1")
+    for alike in ("Ada", "\u0430d\u0430", "a d a", "\uff41da", "a\u0301da", "AD\u0410", "LiWei", "O\u2019Neil", "bobl"):
+        with pytest.raises(UsageError, match="can be taken for"):
+            accounts.check_name(alike, others)
+    for other in ("ada", "adam", "bob2", "\u674e\u4f1f", "\u0418\u0432\u0430\u043d"):
+        accounts.check_name(other, others)
+    for none in ("", " ada", "ada ", "a\u200bda", "a\tb", "x" * 65):
+        with pytest.raises(UsageError, match="1 to 64 printable"):
+            accounts.check_name(none, others)
+
+
 def test_guessing_is_slowed_and_a_success_forgives() -> None:
     clock = HandClock()
     guesses = sessions.LoginThrottle(clock, most=3, window_s=60)

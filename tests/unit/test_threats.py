@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "threats.md").read_text(encoding="utf-8")
-FOLDERS = ("integration", "plant", "system")
+FOLDERS = ("unit", "integration", "plant", "system")
 DEFENDED = TEXT.partition("## The flow")[2].partition("## What is not defended")[0]
 ROWS = [line for line in DEFENDED.splitlines() if line.startswith("| ") and not line.startswith("| at |")]
 NAMED = re.compile(r"`(test_\w+\.py)`:((?:,? `test_\w+`)+)")
