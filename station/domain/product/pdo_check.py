@@ -35,11 +35,10 @@ class MappedObject:
 
 @dataclass(frozen=True, slots=True)
 class MappedPdo:
-    """A TPDO of an EDS. number: from 0; can_id: with the kernel's flag; is_off: whether it is not sent."""
+    """A TPDO of an EDS, sent or switched off. number: from 0; can_id: with the kernel's flag."""
 
     number: int
     can_id: int
-    is_off: bool
     objects: tuple[MappedObject, ...]
 
 
@@ -48,9 +47,8 @@ def mapped_pdos(dictionary: ObjectDictionary) -> Iterator[MappedPdo]:
     for number in range(MOST_PDOS):
         entry = dictionary.entries.get((COMMUNICATION + number, COB_ID))
         if entry is not None and isinstance(entry.default, int):
-            pdo = SendingPdo(number, entry.default, 0, None, ())
             objects = tuple(_placed(_entries(dictionary, number), dictionary))
-            yield MappedPdo(number, pdo.can_id, pdo.is_off, objects)
+            yield MappedPdo(number, SendingPdo(number, entry.default, 0, None, ()).can_id, objects)
 
 
 def pdo_mismatches(layout: SensorLayout, device_map: DeviceMap, dictionary: ObjectDictionary) -> tuple[Message, ...]:

@@ -16,8 +16,7 @@ _LONGEST_NAME = 32
 
 def dbc_text(dictionary: ObjectDictionary, titles: Mapping[int, str]) -> str:
     """The file, '' where the EDS maps nothing. titles: name of each object by its index."""
-    pdos = [pdo for pdo in mapped_pdos(dictionary) if pdo.objects and not pdo.is_off]
-    blocks = [_message(pdo, dictionary, titles) for pdo in pdos]
+    blocks = [_message(pdo, dictionary, titles) for pdo in mapped_pdos(dictionary) if pdo.objects]
     if not blocks:
         return ""
     types = "\n".join(line for _, line in blocks if line)
