@@ -91,7 +91,7 @@ def test_a_unit_that_was_not_turned_though_somebody_said_so_fails_by_gravity(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    turned = {"seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}}
+    turned: dict[str, Any] = {"seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}}}
     asked = fixture_run.recipe(tmp_path, **turned, runs=[{"seating": "home"}, {"seating": "turned"}])
     shutil.move(asked, "asked.yaml")
     done = fixture_run.recipe(tmp_path, **turned, runs=[{"seating": "home"}, {"seating": "home"}])
