@@ -487,7 +487,7 @@ def random_facts(rng: np.random.Generator, number: int) -> dict[str, Any]:
     cells = [(i, "offset " + "xyz"[i]) for i in range(axes)]
     cells += [(3 + 3 * i + j, f"m{i}{j}") for i in range(axes) for j in range(axes)]
     held = {"offset": rng.normal(size=3).tolist(), "matrix": rng.normal(size=(3, 3)).tolist()} if number % 5 else None
-    verified = [
+    verified: list[dict[str, Any]] = [
         {"name": f"p{i}", "error": float(abs(rng.normal())), "std": float(rng.random()) + 1e-9} for i in range(3)
     ]
     decided = [

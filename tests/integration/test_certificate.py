@@ -16,6 +16,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from station.cli.app import main
 from station.reporting.certificate import dcc
+from station.reporting.certificate.dcc_elements import DCC
 
 CONFIG = """schema: station.config/1
 nests: [{name: A, node: 17}]
@@ -62,8 +63,8 @@ def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) ->
         assert read[f"{c['name']} as left"] == (left * factor, None)
     for p, d in zip(facts["verification"]["positions"], facts["verification"]["decisions"], strict=True):
         assert read[d["what"]] == (p["error"] * 9.80665, d["expanded"] * 9.80665)
-    decided = ET.fromstring(xml).iter(f"{{{dcc.DCC}}}metaData")
-    assert [m.findtext(f"{{{dcc.DCC}}}conformity") for m in decided] == ["pass"] * 14, "12 coefficients, 2 positions"
+    decided = ET.fromstring(xml).iter(f"{{{DCC}}}metaData")
+    assert [m.findtext(f"{{{DCC}}}conformity") for m in decided] == ["pass"] * 14, "12 coefficients, 2 positions"
     assert b"SIMULATED" in xml and b"Customer &amp; Sons" in xml and b"no accredited calibration" in xml
     assert "SIMULATED" in Path(names["wsjf"]).read_text(encoding="utf-8")
     steps = json.loads(Path(names["wsjf"]).read_text())["root"]["steps"]
@@ -104,11 +105,11 @@ def test_the_tree_has_the_order_of_the_schema(folder: Path) -> None:
     assert write(folder, "--xml", str(folder / "o.xml")) == 0
     root = ET.parse(folder / "o.xml").getroot()
     assert root.get("schemaVersion") == "3.3.0"
-    inside = [e.tag.split("}")[1] for e in root.find(f"{{{dcc.DCC}}}administrativeData") or ()]
+    inside = [e.tag.split("}")[1] for e in root.find(f"{{{DCC}}}administrativeData") or ()]
     assert inside == [
         *("dccSoftware", "coreData", "items", "calibrationLaboratory", "respPersons", "customer", "statements")
     ]
-    result = root.find(f"{{{dcc.DCC}}}measurementResults/{{{dcc.DCC}}}measurementResult")
+    result = root.find(f"{{{DCC}}}measurementResults/{{{DCC}}}measurementResult")
     assert [e.tag.split("}")[1] for e in result or ()] == ["name", "usedMethods", "influenceConditions", "results"]
 
 

@@ -14,10 +14,12 @@ _WIDTH = 511.0
 _SHARES = {
     2: (0.33, 0.67),
     3: (0.3, 0.15, 0.55),
-    7: (0.22, 0.15, 0.13, 0.1, 0.14, 0.13, 0.13),
+    7: (0.22, 0.14, 0.13, 0.12, 0.13, 0.13, 0.13),
     4: (0.28, 0.24, 0.24, 0.24),
     5: (0.28, 0.2, 0.2, 0.2, 0.12),
 }
+#: The first column of any other table, which names its rows.
+_FIRST = 0.24
 #: Bitstream Vera stands in the file itself; what it has no glyph for is shown by the reader's Chinese font.
 _LATIN, _BOLD, _CHINESE = "Vera", "VeraBd", "STSong-Light"
 _COLOURS = {"PASS": "#0a6132", "FAIL": "#a8001c"}
@@ -54,7 +56,8 @@ def _table(section: CertificateTable, fonts: frozenset[int], cell: Any) -> Any:
 
     rows = [section.columns, *section.rows] if any(section.columns) else list(section.rows)
     count = len(rows[0])
-    widths = [_WIDTH * share for share in _SHARES.get(count, (1 / count,) * count)]
+    others = (1 - _FIRST) / max(count - 1, 1)
+    widths = [_WIDTH * share for share in _SHARES.get(count, (_FIRST, *(others,) * (count - 1)))]
     cells = [[Paragraph(_text(words, fonts, _LATIN), cell) for words in row] for row in rows]
     style: list[Any] = [("GRID", (0, 0), (-1, -1), 0.4, colors.grey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
     style += [("TOPPADDING", (0, 0), (-1, -1), 2), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5)]

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from station.domain.evaluation import verification
 from station.domain.methods import coverage
 from station.domain.methods.coefficients import AXES
 from station.domain.recipe.recipe import Recipe
@@ -119,7 +120,7 @@ def _decisions(w: SectionWriter, content: Mapping[str, Any]) -> Rows:
     """Value and U to the second digit of U, like the table of coefficients."""
     return tuple(
         (
-            w.term(d["what"]) + (f" / {written_unit(d['unit'])}" if d["unit"] != "1" else ""),
+            _limited(w, d["what"]) + (f" / {written_unit(d['unit'])}" if d["unit"] != "1" else ""),
             *(format_to_uncertainty(d[key], d["expanded"]) for key in ("value", "expanded")),
             format_number(d["limit"], 6),
             *(format_to_uncertainty(d[key], d["expanded"]) for key in ("guard", "margin")),
@@ -127,6 +128,12 @@ def _decisions(w: SectionWriter, content: Mapping[str, Any]) -> Rows:
         )
         for d in content["decisions"]
     )
+
+
+def _limited(w: SectionWriter, what: str) -> str:
+    """What a limit is on; of a verification its position stays as the recipe names it."""
+    kind, _, position = what.partition(" ")
+    return f"{w.term(kind)} {position}" if kind == verification.WHAT else w.term(what)
 
 
 def _budget(w: SectionWriter, content: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
