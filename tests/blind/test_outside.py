@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from station.config.recipes import load_recipe
 from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.data.faults import inspect
 from station.diagnosis.data.reduce import reduce_samples
@@ -73,6 +74,20 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
     assert any("cross-axis" in n for n in names)
     assert any("quadratic" in n for n in names)
     assert found.verdict == "named"
+
+
+def test_a_whole_matrix_of_one_unit_is_cross_axis_and_rotation_and_no_formula() -> None:
+    """Gains of 3 % and crosstalk of 2–4 % every way, as converters without calibration have; one unit, known poses."""
+    skew = np.array([[0.03, 0.024, -0.037], [-0.021, -0.02, 0.033], [0.028, 0.04, 0.01]])
+    once = load_recipe("offset-gain")
+    table, _ = hide(once, lambda w, rng: (w.a, w.a @ skew.T), 250 + SEED, units=1)
+    found = diagnosis_of(once, table)
+    names = [{c.finding.name, *c.finding.indistinguishable_from} for c in found.causes]
+    assert found.verdict == "named"
+    assert len(names) == 2
+    assert any("cross-axis" in n for n in names)
+    # A turned package and a tilted nest are one thing for one unit that is seated once.
+    assert any({"package-rotation", "nest-tilt"} <= n for n in names)
 
 
 @pytest.mark.parametrize("name", portion(CHOSEN))

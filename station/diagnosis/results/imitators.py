@@ -4,7 +4,8 @@ A law of two covariates is followed a little by causes of one: quadratic and war
 the rate of the temperature does. Each alarms, and each gains on held-out data, for a part of it is true. So the formula
 is looked for once more with none of them known. Where it then accounts for everything, more likely and in fewer terms,
 or where nothing else did, they go; one that says the same as a term of the formula stays in its place, for its physics
-is known.
+is known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal,
+and one formula writes it in one term.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.nuisance import AcceptedCause, accepted_columns
 from station.diagnosis.discovery.price import price
 from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
@@ -22,6 +23,8 @@ from station.domain.core.types import SampleTable
 
 #: So many causes that leave nothing are worth a look for one formula that says the same.
 LEAST_CAUSES = 2
+#: Columns are those of one law when others leave no more than this share of their squares: what rounding does.
+SAME_LAW = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +49,8 @@ def simplest_explanation(
     if len(paying) < (LEAST_CAUSES if whole else 1):
         return with_causes
     alone = propose_formula(searched, last, (), table)
+    if whole and _are_the_formula(alone, paying):
+        return with_causes
     if not alone.complete or ((whole or _is_complete(with_causes)) and not _is_simpler(alone, with_causes, last)):
         return with_causes
     if known := _causes_in(alone, paying):
@@ -88,6 +93,30 @@ def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[Acce
                 found.append(cause)
                 break
     return tuple(found)
+
+
+def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool:
+    """Whether all that a formula can do the causes together do exactly, with no more coefficients: one law written
+    twice. Causes that several units share are another law than a formula of each unit."""
+    bare = alone.problem
+    first = len(bare.accepted) - len(alone.terms)
+    terms = bare.accepted[first:]
+    if not terms or any(item.candidate.dwell is not None for item in (*terms, *causes)):
+        return False
+    for i in reversed(range(first, len(bare.accepted))):
+        bare = bare.without(i)
+    view, space = bare.view, bare.fit().space
+    found = [[accepted_columns(item.in_view(view), view) for item in items] for items in (terms, causes)]
+    if view.grid.units > 1 and not all(place.own for items in found for _, place in items):
+        return False
+    formula, known = (np.concatenate([space.project(rows) for rows, _ in items], axis=2) for items in found)
+    if known.shape[2] > formula.shape[2]:
+        return False
+    for own, columns in zip(known, formula, strict=True):
+        rest = columns - own @ np.linalg.lstsq(own, columns, rcond=None)[0]
+        if float(np.sum(rest**2)) > SAME_LAW * float(np.sum(columns**2)):
+            return False
+    return True
 
 
 def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:
