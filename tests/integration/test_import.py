@@ -235,6 +235,10 @@ WRONG = {
         "columns; at most",
     ),
     "long.csv": (b"a,b,c\n1,2," + b"9" * 300_000, "longer than"),
+    "runs.csv": (
+        b"unit,run,time_s,x,y,z\n" + b"".join(b"A,1e300,%.2f,0,0,1\n" % (i / 100) for i in range(300)),
+        "column run: 1e+300 is not a whole number",
+    ),
 }
 
 

@@ -18,6 +18,8 @@ from station.messages import Message
 
 #: A recording that rests for less than this share of its time, in fewer orientations, is no tumble.
 LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
+#: Runs are counted in 32 bits.
+LAST_RUN = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +56,12 @@ def by_unit_and_run(table: RawTable) -> list[tuple[str | None, int, RawTable]]:
     if run.values is None:
         return [(None, 0, table)]
     serials = unit.text.text() if unit.text is not None else np.asarray(unit.values, object)
-    runs = np.nan_to_num(np.asarray(run.values, float)).astype(int).tolist()
+    numbers = np.asarray(run.values, float)
+    wrong = np.flatnonzero(~((numbers >= 0) & (numbers <= LAST_RUN)))
+    if len(wrong):
+        value = float(numbers[wrong[0]])
+        raise SamplesError("samples-not-a-count", place=table.source, column="run", value=value, limit=LAST_RUN)
+    runs = numbers.astype(int).tolist()
     passes: list[tuple[str | None, int, RawTable]] = []
     for key in dict.fromkeys(zip(serials.tolist(), runs, strict=True)):
         rows = np.flatnonzero((serials == key[0]) & (np.array(runs) == key[1]))
