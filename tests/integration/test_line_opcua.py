@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from station.adapters.line_servers.companion_space import opc_ua
+from station.adapters.line_servers.asyncua_types import opc_ua
 from station.adapters.line_servers.facts import LineFacts, facts_of
 from station.adapters.line_servers.opcua import serve_opcua
 from station.adapters.line_servers.serving import ServedLine

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from station.adapters.line_servers.asyncua_types import opc_ua
 from station.adapters.line_servers.companion_structures import StructureType, add_structures, data_type_id
 from station.adapters.line_servers.companion_types import (
     DI,
@@ -22,13 +23,6 @@ _STATE, _TRANSITION, _ENUMERATION = 2307, 2310, 29
 _FROM, _TO, _CAUSE, _SUB_MACHINE = 51, 52, 53, 117
 #: Modes of OPC 30050, 6.5.2; the station has the second.
 _MODES = ("Invalid", "Produce", "Maintenance", "Manual")
-
-
-def opc_ua() -> Any:
-    """The package's own types, loaded late: it takes a second."""
-    from asyncua import ua
-
-    return ua
 
 
 async def add_companion_types(server: Any) -> dict[str, int]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from station.adapters.line_servers.asyncua_types import opc_ua
+
 #: Numbers in the base namespace.
 _BOOLEAN, _INT32, _FLOAT, _STRING, _UTC_TIME, _UNIT = 1, 6, 10, 12, 294, 887
 
@@ -51,8 +53,7 @@ STRUCTURES = (COUNT, ALARM, DESCRIPTOR, INGREDIENTS, PRODUCT)
 
 def data_type_id(index: int, given: int | StructureType) -> Any:
     """The node id of a data type. index: of PackML's namespace."""
-    from asyncua import ua
-
+    ua = opc_ua()
     return ua.NodeId(given.node, index) if isinstance(given, StructureType) else ua.NodeId(given)
 
 
@@ -63,10 +64,10 @@ async def add_structures(server: Any, index: int) -> None:
 
 
 async def _add_structure(server: Any, index: int, given: StructureType) -> None:
-    from asyncua import ua
     from asyncua.common.manage_nodes import create_data_type, create_encoding
     from asyncua.common.structures104 import load_custom_struct, new_struct_field
 
+    ua = opc_ua()
     base = server.nodes.base_structure_type
     made = await create_data_type(base, ua.NodeId(given.node, index), ua.QualifiedName(given.name, index))
     encoding = await create_encoding(made, ua.NodeId(given.encoding, index), ua.QualifiedName("Default Binary", 0))

@@ -12,13 +12,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from station.adapters.line_servers import companion_types as types
+from station.adapters.line_servers.asyncua_types import opc_ua
 from station.adapters.line_servers.companion_space import (
     add_arguments,
     add_companion_types,
     add_reference_of_own,
     add_variable,
     node_id,
-    opc_ua,
 )
 from station.adapters.line_servers.facts import LineFacts
 from station.adapters.line_servers.machine_states import MACHINES, machine_states

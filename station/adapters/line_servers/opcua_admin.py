@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from station.adapters.line_servers.companion_space import opc_ua
+from station.adapters.line_servers.asyncua_types import opc_ua
 from station.adapters.line_servers.facts import LineFacts, StopFact
 from station.domain.cell.adjustment import ADJUSTABLE
 from station.domain.cell.handover import Bin

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from station.adapters.line_servers import companion_types as types
+from station.adapters.line_servers.asyncua_types import opc_ua
 from station.adapters.line_servers.companion_structures import StructureType
 from station.adapters.line_servers.companion_types import MethodType
 from station.adapters.line_servers.facts import LineFacts
@@ -63,7 +64,7 @@ class LineMethods:
 
     def setters(self) -> Mapping[str, Callable[..., Any]]:
         """The methods of PackMLBaseObjectType, by name."""
-        calls = {
+        calls: dict[str, Callable[..., None]] = {
             "SetUnitMode": self._set_mode,
             "SetMachSpeed": self._refuse_speed,
             "SetProduct": self._refuse_product,
@@ -112,7 +113,7 @@ class LineMethods:
 
     def _answering(self, call: Callable[..., None], kind: MethodType) -> Callable[..., Any]:
         """As a server calls it: with variants, for a status code."""
-        from asyncua import ua
+        ua = opc_ua()
 
         def answer(_parent: Any, *given: Any) -> Any:
             try:
@@ -142,12 +143,10 @@ def _check_arguments(given: Sequence[Any], kind: MethodType) -> None:
 
 
 def _is_of_type(variant: Any, wanted: int | StructureType, *, is_list: bool) -> bool:
-    from asyncua import ua
-
     if not isinstance(wanted, StructureType):
         return variant.VariantType.value == wanted and not isinstance(variant.Value, list)
     values = variant.Value if is_list else [variant.Value]
-    made = getattr(ua, wanted.name)
+    made = getattr(opc_ua(), wanted.name)
     return values is None or (isinstance(values, list) and all(isinstance(value, made) for value in values))
 
 
