@@ -1,6 +1,6 @@
 """`python benchmarks/rig.py [--mountings 100] [--kills 12] [--stops 60]`: drives with faults, kills, stops, mountings.
 
-On simulated time, by the adapter and frames of a bench; only the stop is measured on the clock of this machine.
+On simulated time, by the adapter and frames of a bench; the stop is measured on a wire, by the clock of this machine.
 """
 
 import argparse
@@ -13,6 +13,8 @@ import numpy as np
 from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import stop_wire
 
 from station.domain.rig.paths import safe_way
 from tests.fakes.driven_rig import DrivenRig, frames_of_a_life, killed_life, visit
@@ -66,33 +68,11 @@ def kills(every: int) -> tuple[str, str]:
 
 
 def stops(count: int) -> tuple[str, str]:
-    """From the operator's stop to the last frame of the quick stop, on this machine's clock."""
-    taken = []
-    for number in range(count):
-        rig = DrivenRig()
-        rig.move("-y")
-        rig.killable.stop_at_s = rig.clock.monotonic_s() + 0.2 + 0.01 * number
-        marks: list[float] = []
-        _time_sends(rig, marks)
-        rig.move("+x")
-        taken.append(marks[-1] - marks[0])
-    p99 = float(np.percentile(taken, 99)) * 1e3
-    return f"median {np.median(taken) * 1e3:.2f} ms, p99 {p99:.2f} ms of {count}; one SYNC for both axes", "20 ms"
-
-
-def _time_sends(rig: DrivenRig, marks: list[float]) -> None:
-    """Notes the stop, and the SYNC that follows it."""
-    sent = rig.killable.sent
-
-    class Marked(list[tuple[int, bytes]]):
-        """The frames sent, with the instants that matter."""
-
-        def append(self, item: tuple[int, bytes]) -> None:
-            super().append(item)
-            if item[0] == -1 or (len(marks) == 1 and item[0] == 0x080):
-                marks.append(time.perf_counter())
-
-    rig.killable.sent = Marked(sent)
+    """From the operator's signal to the frame of the quick stop on the wire, between four processes."""
+    taken, together = stop_wire.measured(count, SEED)
+    low, median, p99, high = (float(np.percentile(taken, q)) * 1e3 for q in (0, 50, 99, 100))
+    figure = f"median {median:.2f} ms, p99 {p99:.2f} ms [{low:.2f}, {high:.2f}]; both axes at one SYNC {together}"
+    return f"{figure} of {count}", "20 ms; all"
 
 
 def overhead() -> tuple[str, str]:
