@@ -87,8 +87,13 @@ class LogError(InputError):
 class InvalidValue(InputError, ValueError):
     """A value that a schema refuses, raised in its validator: pydantic takes it for a ValueError.
 
-    The sentence names the value and the remedy; file, line and key are added where the document is read.
+    The sentence names the value and the remedy; file, line and key are added where the document is read. below: the key
+    that is wrong, from the block whose validator raises it.
     """
+
+    def __init__(self, id: str | Message, /, *, below: tuple[str | int, ...] = (), **parameters: Value) -> None:  # noqa: A002
+        super().__init__(id, **parameters)
+        self.below = below
 
 
 class UnitFault(StationError):

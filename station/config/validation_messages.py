@@ -23,7 +23,7 @@ def _no_line(_place: KeyPath) -> int:
 
 def mistakes(exc: ValidationError, model: type[BaseModel], line: Callable[[KeyPath], int] = _no_line) -> list[Message]:
     """One message a mistake, in the order of the file: 'line 7, key `dwell.time`: …'; line 0 is not named."""
-    found = [(tuple(error["loc"]), error) for error in exc.errors(include_url=False)]
+    found = [(_place(error), error) for error in exc.errors(include_url=False)]
     found = [(place, error) for place, error in found if not _follows(place, error["type"], [p for p, _ in found])]
     found.sort(key=lambda row: (line(row[0]), _dotted(row[0])))
     rows: dict[Message, None] = {}
@@ -32,6 +32,12 @@ def mistakes(exc: ValidationError, model: type[BaseModel], line: Callable[[KeyPa
             return [*rows, Message("more-mistakes", count=len(found) - number)]
         rows[_at(line(place), _dotted(place), _reason(error, model, place))] = None
     return list(rows)
+
+
+def _place(error: Any) -> KeyPath:
+    """The key at fault: a validator of a whole block may name one in it."""
+    cause = error.get("ctx", {}).get("error")
+    return (*error["loc"], *(cause.below if isinstance(cause, InvalidValue) else ()))
 
 
 def _follows(place: KeyPath, kind: str, places: Sequence[KeyPath]) -> bool:

@@ -133,7 +133,7 @@ def is_elsewhere(settings: Settings, document: Document) -> bool:
         case "gcode":
             return bool(options.port.startswith(_PSEUDO_TERMINAL))
         case _:
-            own = options.channel != settings.bus.channel
+            own = options.channel not in (settings.bus.channel, SIMULATED)
             virtual = options.interface == "udp_multicast" or options.channel.startswith(_VIRTUAL_CAN)
             return bool(own and virtual)
 

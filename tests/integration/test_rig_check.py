@@ -43,7 +43,8 @@ def test_the_command_checks_a_simulated_rig_that_is_built_the_other_way(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = tmp_path / "config.yaml"
-    config.write_text("nests: [{name: A, node: 17}]\npositioner: {kind: cia402, map: two-axis, channel: can1}\n")
+    drives = "{kind: cia402, map: two-axis, interface: udp_multicast, channel: 239.74.163.2}"  # not of the bench
+    config.write_text(f"nests: [{{name: A, node: 17}}]\npositioner: {drives}\n")
     built, corrected = tmp_path / "built.yaml", tmp_path / "corrected.yaml"
     shipped = (Path(__file__).parents[2] / "rigs" / "two-axis.yaml").read_text()
     built.write_text(shipped.replace("counts_per_deg: 1000", "counts_per_deg: -1000", 1))

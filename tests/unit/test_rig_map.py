@@ -18,7 +18,8 @@ from station.domain.rig import kinematics, paths
 from station.domain.rig.paths import Space, Zone
 from station.errors import ConfigError
 
-DOCUMENT: dict[str, Any] = yaml.safe_load((shipped_folder() / "rigs" / "two-axis.yaml").read_text())
+SHIPPED = shipped_folder() / "rigs" / "two-axis.yaml"
+DOCUMENT: dict[str, Any] = yaml.safe_load(SHIPPED.read_text())
 VERTICAL = UP["+z"]
 
 
@@ -45,7 +46,7 @@ def write(folder: Path, change: dict[str, Any], axis: dict[str, Any] | None = No
         ({}, {"counts_per_deg": 0}, "is no scale"),
         ({}, {"counts_per_deg": 1e7}, "beyond the 32 bits"),
         ({}, {"window_deg": 1e-5}, "less than one count"),
-        ({}, {"axis": 1}, "each is its own"),
+        ({}, {"axis": 1}, "give each its own"),
         ({}, {"without": [0x607D]}, "0x607D cannot be left out"),
         (
             {"forbidden": [{"name": "door", "ranges": {"inner": [60, 80]}}]},
@@ -132,6 +133,16 @@ def test_a_zone_across_the_whole_travel_leaves_no_way() -> None:
     assert way is not None
     assert way[0] == pytest.approx(1.5)
     assert way[1] == ((-90.0,),)
+
+
+def test_what_is_wrong_is_named_by_line_and_key(tmp_path: Path) -> None:
+    (tmp_path / "map.yaml").write_text(SHIPPED.read_text().replace("limits_deg: [-185, 275]", "limits_deg: [9, 3]", 1))
+    with pytest.raises(ConfigError, match=r"line 14, key `axes\.0\.limits_deg`: .* inside out"):
+        load_rig(str(tmp_path / "map.yaml"))
+    zone = "forbidden:\n  - {name: door, ranges: {outer: [80, 60]}}\n"
+    (tmp_path / "map.yaml").write_text(SHIPPED.read_text() + zone)
+    with pytest.raises(ConfigError, match=r"line 26, key `forbidden\.0\.ranges\.outer`: .* inside out"):
+        load_rig(str(tmp_path / "map.yaml"))
 
 
 def test_axes_that_are_wrong_are_not_called_missing_too(tmp_path: Path) -> None:

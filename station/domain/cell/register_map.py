@@ -79,19 +79,21 @@ def _places(given: Mapping[str, int], signals: Mapping[str, tuple[Kind, int]], m
     for name in given:
         if name not in signals:
             near = get_close_matches(name, signals, n=1) or [", ".join(signals)]
-            raise InvalidValue("plc-signal-unknown", name=name[:40], nearest=near[0])
+            raise InvalidValue("plc-signal-unknown", below=("at", name), name=name[:40], nearest=near[0])
     if missing := [name for name in signals if name not in given]:
-        raise InvalidValue("plc-signals-missing", names=missing)
+        raise InvalidValue("plc-signals-missing", below=("at",), names=missing)
     owner: dict[int, str] = {}
     for name, at in given.items():
         kind, count = signals[name]
         for word in range(at, at + WORDS[kind] * count):
             if word in owner:
-                raise InvalidValue("plc-registers-overlap", first=owner[word], second=name, address=word)
+                raise InvalidValue(
+                    "plc-registers-overlap", below=("at", name), first=owner[word], second=name, address=word
+                )
             owner[word] = name
     span = max(owner) - min(owner) + 1
     if max(owner) > 65535 or span > most:
-        raise InvalidValue("plc-block-too-long", span=span, limit=most)
+        raise InvalidValue("plc-block-too-long", below=("at",), span=span, limit=most)
 
 
 class Inputs(StrictModel):
@@ -117,16 +119,16 @@ class Outputs(StrictModel):
         return self
 
 
-def _bits(given: Mapping[str, int], names: tuple[str, ...]) -> None:
+def _bits(key: str, given: Mapping[str, int], names: tuple[str, ...]) -> None:
     for name in given:
         if name not in names:
             near = get_close_matches(name, names, n=1) or [", ".join(names)]
-            raise InvalidValue("plc-signal-unknown", name=name[:40], nearest=near[0])
+            raise InvalidValue("plc-signal-unknown", below=(key, name), name=name[:40], nearest=near[0])
     if missing := [name for name in names if name not in given]:
-        raise InvalidValue("plc-signals-missing", names=missing)
+        raise InvalidValue("plc-signals-missing", below=(key,), names=missing)
     if twice := {bit for bit in given.values() if list(given.values()).count(bit) > 1}:
         both = [name for name, bit in given.items() if bit in twice]
-        raise InvalidValue("plc-bits-overlap", first=both[0], second=both[1], bit=given[both[0]])
+        raise InvalidValue("plc-bits-overlap", below=(key, both[1]), first=both[0], second=both[1], bit=given[both[0]])
 
 
 class RegisterMap(StrictModel):
@@ -146,9 +148,9 @@ class RegisterMap(StrictModel):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.protocol != PROTOCOL:
-            raise InvalidValue("plc-map-protocol", protocol=self.protocol, known=PROTOCOL)
-        _bits(self.status, STATUS)
-        _bits(self.light, LIGHT)
+            raise InvalidValue("plc-map-protocol", below=("protocol",), protocol=self.protocol, known=PROTOCOL)
+        _bits("status", self.status, STATUS)
+        _bits("light", self.light, LIGHT)
         if self.inputs.table == "holding":
             _apart(self.inputs.at, self.outputs.at)
         return self
@@ -159,7 +161,9 @@ def _apart(inputs: Mapping[str, int], outputs: Mapping[str, int]) -> None:
     for name, at in outputs.items():
         for word in _words(at, OUTPUTS[name]):
             if word in read:
-                raise InvalidValue("plc-registers-overlap", first=read[word], second=name, address=word)
+                raise InvalidValue(
+                    "plc-registers-overlap", below=("outputs", "at", name), first=read[word], second=name, address=word
+                )
 
 
 def _words(at: int, kind: tuple[Kind, int]) -> range:

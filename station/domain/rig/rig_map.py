@@ -42,7 +42,7 @@ class Homing(StrictModel):
     @model_validator(mode="after")
     def _check_method(self) -> Self:
         if self.method in (0, 35, 37):
-            raise InvalidValue("homing-method-moves-nothing", method=self.method)
+            raise InvalidValue("homing-method-moves-nothing", below=("method",), method=self.method)
         return self
 
 
@@ -90,21 +90,30 @@ class Axis(StrictModel):
     def _check(self) -> Self:
         low, high = self.limits_deg
         if not low < high:
-            raise InvalidValue("axis-limits-inside-out", axis=self.name, low=low, high=high)
+            raise InvalidValue("axis-limits-inside-out", below=("limits_deg",), axis=self.name, low=low, high=high)
         if not 1e-6 < abs(self.counts_per_deg) < 1e8:
-            raise InvalidValue("axis-counts", axis=self.name, counts=self.counts_per_deg)
+            raise InvalidValue("axis-counts", below=("counts_per_deg",), axis=self.name, counts=self.counts_per_deg)
         if not 1e-9 < float(np.linalg.norm(self.turns)) < 1e9:
-            raise InvalidValue("axis-without-length")
+            raise InvalidValue("axis-without-length", below=("turns",))
         for angle in self.limits_deg:
             if abs(self.zero_counts + angle * self.counts_per_deg) > _INT32:
-                raise InvalidValue("axis-counts-beyond", axis=self.name, angle_deg=angle)
+                raise InvalidValue("axis-counts-beyond", below=("limits_deg",), axis=self.name, angle_deg=angle)
         if abs(self.counts_per_deg) * self.window_deg < 1:
-            raise InvalidValue("axis-window-below-count", axis=self.name, window_deg=self.window_deg)
+            raise InvalidValue(
+                "axis-window-below-count", below=("window_deg",), axis=self.name, window_deg=self.window_deg
+            )
         if isinstance(self.homing, Homing) and not low <= self.homing.home_deg <= high:
-            raise InvalidValue("axis-home-outside", axis=self.name, home_deg=self.homing.home_deg)
+            raise InvalidValue(
+                "axis-home-outside", below=("homing", "home_deg"), axis=self.name, home_deg=self.homing.home_deg
+            )
         forbidden = self.without - WAIVABLE
         if forbidden:
-            raise InvalidValue("axis-object-not-waivable", axis=self.name, objects=[f"0x{i:04X}" for i in forbidden])
+            raise InvalidValue(
+                "axis-object-not-waivable",
+                below=("without",),
+                axis=self.name,
+                objects=[f"0x{i:04X}" for i in forbidden],
+            )
         return self
 
     @property
@@ -156,32 +165,37 @@ class RigMap(StrictModel):
         places = [(axis.node, axis.axis) for axis in self.axes]
         names = [axis.name for axis in self.axes]
         if len(set(places)) < len(places) or len(set(names)) < len(names):
-            raise InvalidValue("rig-axis-twice")
+            raise InvalidValue("rig-axis-twice", below=("axes",))
         if self.station_node in [axis.node for axis in self.axes]:
-            raise InvalidValue("rig-station-node-taken", node=self.station_node)
+            raise InvalidValue("rig-station-node-taken", below=("station_node",), node=self.station_node)
         if len(self.axes) == 2:
             angle = float(np.degrees(np.arccos(np.clip(abs(np.dot(*self.directions)), 0, 1))))
             if angle < PARALLEL_DEG:
-                raise InvalidValue("rig-axes-parallel", angle_deg=angle)
-        for zone in self.forbidden:
+                raise InvalidValue("rig-axes-parallel", below=("axes", 1, "turns"), angle_deg=angle)
+        for number, zone in enumerate(self.forbidden):
+            ranges = ("forbidden", number, "ranges")
             for name, (low, high) in zone.ranges.items():
                 if name not in names:
-                    raise InvalidValue("zone-axis-unknown", zone=zone.name, axis=name, known=names)
+                    raise InvalidValue(
+                        "zone-axis-unknown", below=(*ranges, name), zone=zone.name, axis=name, known=names
+                    )
                 if not low < high:
-                    raise InvalidValue("zone-inside-out", zone=zone.name, axis=name, low=low, high=high)
+                    raise InvalidValue(
+                        "zone-inside-out", below=(*ranges, name), zone=zone.name, axis=name, low=low, high=high
+                    )
             if not zone.ranges:
-                raise InvalidValue("zone-empty", zone=zone.name)
+                raise InvalidValue("zone-empty", below=ranges, zone=zone.name)
         return self
 
     @model_validator(mode="after")
     def _check_park(self) -> Self:
         if len(self.park_deg) != len(self.axes):
-            raise InvalidValue("rig-park-axes", given=len(self.park_deg), axes=len(self.axes))
+            raise InvalidValue("rig-park-axes", below=("park_deg",), given=len(self.park_deg), axes=len(self.axes))
         for axis, angle in zip(self.axes, self.park_deg, strict=True):
             if not axis.limits_deg[0] <= angle <= axis.limits_deg[1]:
-                raise InvalidValue("rig-park-outside", axis=axis.name, angle_deg=angle)
+                raise InvalidValue("rig-park-outside", below=("park_deg",), axis=axis.name, angle_deg=angle)
         if (zone := self.space.zone_at(self.park_deg)) is not None:
-            raise InvalidValue("rig-park-in-zone", zone=zone.name)
+            raise InvalidValue("rig-park-in-zone", below=("park_deg",), zone=zone.name)
         return self
 
     @model_validator(mode="after")
@@ -194,7 +208,9 @@ class RigMap(StrictModel):
             low, high = tuple(s[0] for s in swept), tuple(s[1] for s in swept)
             for zone in self.space.zones:
                 if zone.meets(low, high):
-                    raise InvalidValue("rig-homing-through-zone", axis=axis.name, zone=zone.name)
+                    raise InvalidValue(
+                        "rig-homing-through-zone", below=("axes", number, "homing"), axis=axis.name, zone=zone.name
+                    )
         return self
 
     @property
