@@ -29,7 +29,7 @@ def sent() -> Iterator[tuple[str, str, set[str]]]:
             continue
         if any(k.arg is None for k in call.keywords):
             continue  # **parameters: checked where they are put together
-        known = {str(k.arg) for k in call.keywords} - {"code"}
+        known = {str(k.arg) for k in call.keywords} - {"code", "below"}  # they are no parameters
         yield f"{path.relative_to(PACKAGE)}:{call.lineno}", first.value, known
 
 
