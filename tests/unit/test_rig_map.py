@@ -141,7 +141,7 @@ def test_what_is_wrong_is_named_by_line_and_key(tmp_path: Path) -> None:
         load_rig(str(tmp_path / "map.yaml"))
     zone = "forbidden:\n  - {name: door, ranges: {outer: [80, 60]}}\n"
     (tmp_path / "map.yaml").write_text(SHIPPED.read_text() + zone)
-    with pytest.raises(ConfigError, match=r"line 26, key `forbidden\.0\.ranges\.outer`: .* inside out"):
+    with pytest.raises(ConfigError, match=r"line 27, key `forbidden\.0\.ranges\.outer`: .* inside out"):
         load_rig(str(tmp_path / "map.yaml"))
 
 
