@@ -1,5 +1,8 @@
-"""`python tests/endurance/help_examples.py [--orders N] [--seed S]`: every example of every help, in N random orders,
-then every block of every guide, each guide in a fresh copy of the folder that `station demo` leaves."""
+"""`python tests/endurance/help_examples.py [--orders N] [--seed S] [--part K/N]`: every example of every help, in
+N random orders, then every block of every guide, each guide in a fresh copy of the folder that `station demo` leaves.
+
+`--part 2/4` tries the second quarter of the examples and of the guides; the four parts together are the whole.
+"""
 
 import argparse
 import random
@@ -22,7 +25,7 @@ from tests.fakes.help_examples import (
     try_example,
 )
 
-#: `rig axes` reads what this example measures.
+#: `rig axes` reads what this example measures: every part begins with it.
 MEASURES_WITH_DRIVES = "station run --config drives.yaml"
 
 
@@ -33,23 +36,35 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--orders", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N")
     wanted = parser.parse_args()
     failed: list[Tried] = []
     with tempfile.TemporaryDirectory() as name:
         tour = Path(name) / "tour"
         subprocess.run([sys.executable, "-m", "station", "demo", str(tour)], stdout=subprocess.DEVNULL, check=True)
-        examples = all_help_examples()
+        number, parts = wanted.part
+        lines = all_help_examples()
+        mine = set(lines[number - 1 :: parts])
+        examples = [line for line in lines if line in mine or line.startswith(MEASURES_WITH_DRIVES)]
+        pages = [page for page in GUIDES if guide_examples(page)][number - 1 :: parts]
         for seed in range(wanted.seed, wanted.seed + wanted.orders):
             random.Random(seed).shuffle(examples)
             examples.sort(key=lambda line: not line.startswith(MEASURES_WITH_DRIVES))
             failed += _try_all(examples, tour, Path(name) / f"order-{seed}")
-        for page in GUIDES:
-            if lines := guide_examples(page):
-                print(f"-- {page.name}")
-                failed += _try_all(lines, tour, Path(name) / f"guide-{page.stem}")
-    print(f"{len(examples)} examples in {wanted.orders} orders from seed {wanted.seed}, {len(GUIDES)} pages:", end=" ")
+        for page in pages:
+            print(f"-- {page.name}")
+            failed += _try_all(guide_examples(page), tour, Path(name) / f"guide-{page.stem}")
+    print(f"{len(examples)} examples in {wanted.orders} orders from seed {wanted.seed}, {len(pages)} pages:", end=" ")
     print(f"{len(failed)} do not run")
     return 1 if failed else 0
+
+
+def parse_part(text: str) -> tuple[int, int]:
+    """`2/4` → (2, 4). Errors: ArgumentTypeError."""
+    number, _, parts = text.partition("/")
+    if not (number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"{text}: write K/N with 1 <= K <= N, such as 2/4")
+    return int(number), int(parts)
 
 
 def _try_all(lines: list[str], tour: Path, folder: Path) -> list[Tried]:
