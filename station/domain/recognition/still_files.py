@@ -86,13 +86,10 @@ def _join(recordings: Sequence[Recording], names: Sequence[str], serial: str) ->
         return None
     rests = [_rest(r) for r in recordings]
     scale = _common_scale(recordings, rests)
-    if scale is None:
+    if scale is None or not all(rests):
         return None
     readings = [(_raw(r) - scale.zero) * scale.factor for r in recordings]
-    means = np.concatenate(
-        [[y[a:b].mean(axis=0) for a, b in own] for y, own in zip(readings, rests, strict=True) if own]
-        or [np.zeros((0, 3))]
-    )
+    means = np.array([y[a:b].mean(axis=0) for y, own in zip(readings, rests, strict=True) for a, b in own])
     pose = rest_segments.orientations(means)
     file = np.repeat(np.arange(len(rests)), [len(own) for own in rests])
     one_each = all(len(set(pose[file == i].tolist())) == 1 for i in range(len(rests)))
