@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import pty
+import sys
 import threading
 import tty
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from station.adapters.line_servers.modbus import serve_modbus
 from station.adapters.line_servers.serving import ServedLine
 from station.adapters.modbus import ModbusRegisters
 from station.adapters.positioner.plc import PlcPositioner
+from station.adapters.scanner.keyboard import KeyboardScanner
 from station.adapters.scanner.network import NetworkScanner
 from station.adapters.scanner.serial_port import SerialPortScanner
 from station.adapters.simulated_plc import CellLoads, SimulatedPlc, SimulatedRemoteIo, parse_fault
@@ -194,6 +196,22 @@ def test_a_scanner_on_a_serial_port() -> None:
         os.close(slave)
     with pytest.raises(StationFault, match="cannot be used"):
         SerialPortScanner(SerialPortScanner.Settings(port="/dev/no-such-port")).read("A", 0.1)
+
+
+def test_a_keyboard_wedge_gives_a_line_to_each_nest(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reads, writes = os.pipe()
+    with os.fdopen(reads) as keyboard:
+        monkeypatch.setattr(sys, "stdin", keyboard)
+        scanner = KeyboardScanner(KeyboardScanner.Settings())
+        os.write(writes, b"SN1\nSN2\r\nSN")
+        assert [scanner.read(nest, 0.5) for nest in "AB"] == ["SN1", "SN2"]
+        assert scanner.read("C", 0.1) is None, "half a label is none"
+        os.close(writes)
+        with pytest.raises(StationFault, match="Standard input was closed"):
+            scanner.read("C", 0.5)
+    assert capsys.readouterr().err == "A: B: C: C: "
 
 
 def test_a_label_is_printed_with_serial_verdict_and_record() -> None:
