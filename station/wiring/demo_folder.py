@@ -168,6 +168,8 @@ def _write_recordings(folder: Path) -> None:
         _write_matlab(folder / f"{name}.mat", _recorded(faces, rng) + warmer_ms2)
     _write_study(folder / "readings.csv", rng)
     _write_linearity(folder / "linearity.csv", rng)
+    for name, up in FACES.items():
+        _write_table(folder / f"{name}.csv", _recorded(np.array([up], float), rng), stamps=True)
 
 
 def _recorded(up: Floats, rng: np.random.Generator) -> Floats:

@@ -144,7 +144,7 @@ def test_check_tells_what_a_recipe_will_know(station: Callable[..., Printed]) ->
     assert found["schema"] == "station.check/1"
     assert len(found["predicted"]["coefficients"]) == 12
     assert found["design"]["rank"] == 4 and found["design"]["d_efficiency"] == pytest.approx(1.0)
-    assert {d["kind"] for d in found["predicted"]["decisions"]} == {"offset", "gain", "cross_axis"}
+    assert {d["kind"] for d in found["predicted"]["decisions"]} == {"offset", "gain", "cross_axis", "verification"}
     assert found["cycle_s"] > 14 * 1.3
 
 
