@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import time
 from collections import namedtuple
 from dataclasses import replace
 from pathlib import Path
@@ -94,9 +95,13 @@ def test_a_clock_that_was_set_back_is_seen(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fixture_run.run(folder)
+    ended_s = time.time()
     monkeypatch.setattr("station.cli._doctor.time.time", lambda: 1.75e9)
     _, found = doctor(capsys, "--simulate")
     assert "behind the newest record" in found["clock"][1]
+    # A simulated run of a minute takes a second.
+    monkeypatch.setattr("station.cli._doctor.time.time", lambda: ended_s - 60)
+    assert doctor(capsys, "--simulate")[1]["clock"][0]
 
 
 @pytest.fixture
