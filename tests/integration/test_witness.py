@@ -116,17 +116,23 @@ def test_each_load_is_receipted_once_and_a_killed_witness_goes_on(
     assert receipt == events(path, "witnessed")[-1], "what certificates and exports carry"
 
 
+def put_monday_back(path: Path, signer: keys.Signer, witness: WitnessClient) -> None:
+    """Two loads, then the copy of after the first one in place of the log and all that lies beside it."""
+    monday = path.parent / "monday"
+    with opened(path, signer, witness) as store:
+        load(store, "SN1")
+    copy(path, monday)
+    with opened(path, signer, witness) as store:
+        load(store, "SN2")
+    for file in monday.iterdir():
+        shutil.copy(file, path.parent)
+
+
 def test_a_restored_backup_is_refused_whatever_lies_beside_the_log(
     tmp_path: Path, served: Served, signer: keys.Signer
 ) -> None:
     path, witness = tmp_path / "station.db", served.client(signer)
-    with opened(path, signer, witness) as store:
-        load(store, "SN1")
-    copy(path, tmp_path / "monday")
-    with opened(path, signer, witness) as store:
-        load(store, "SN2")
-    for file in (tmp_path / "monday").iterdir():
-        shutil.copy(file, tmp_path)
+    put_monday_back(path, signer, witness)
     with pytest.raises(StoreFault, match=r"witness http.* knows record .* an older copy was put back"):
         opened(path, signer, witness)
     with opened(path, signer, witness, by="Ada") as store:
@@ -149,13 +155,7 @@ def test_a_head_that_went_by_before_cannot_take_the_place_of_a_later_one(
         return ask(address, body)
 
     monkeypatch.setattr(witness, "_ask", overheard)
-    with opened(path, signer, witness) as store:
-        load(store, "SN1")
-    copy(path, tmp_path / "monday")
-    with opened(path, signer, witness) as store:
-        load(store, "SN2")
-    for file in (tmp_path / "monday").iterdir():
-        shutil.copy(file, tmp_path)
+    put_monday_back(path, signer, witness)
     with opened(path, signer, witness, by="Ada") as store:
         load(store, "SN3")
     with opened(path, signer, witness) as store:
