@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from station.files.ordinary import read_ordinary
+from station.messages import Message, system_reason
 
 #: What taking an unknown document apart may raise: another shape than expected.
 NOT_AS_EXPECTED: Final = (ValueError, LookupError, TypeError, AttributeError, OverflowError)
@@ -28,6 +29,15 @@ def parse_json(text: str | bytes, *, finite: bool = True) -> Any:
         return json.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+def unread_reason(error: Exception) -> Message:
+    """Why a document was not what it should be, for one of OSError and NOT_AS_EXPECTED."""
+    if isinstance(error, OSError):
+        return system_reason(error)
+    if isinstance(error, json.JSONDecodeError):
+        return Message("json-syntax", line=error.lineno, column=error.colno)
+    return Message("json-other-layout")
 
 
 def _finite(text: str) -> float:

@@ -11,6 +11,11 @@ from typing import Any
 from station.messages.message import Message, Value
 
 _PLURAL = re.compile(r"plural\((?P<one>[^|]*)\|(?P<many>[^)]*)\)")
+#: A sentence in place of a hole brings its own full stop, or question mark, to one that goes on or ends there.
+_BEFORE = r"(?<=[\w)\]'\"`%°])"
+_ENDS_TWICE = re.compile(_BEFORE + r"([.?!。？！])[.。](?=\s|$)")
+_ENDS_EARLY = re.compile(_BEFORE + r"[.。](?=[;；])")
+_BETWEEN = re.compile(r"[^a-z0-9]+")
 _JOIN = re.compile(r"join\((?P<between>.*)\)", re.DOTALL)
 
 
@@ -39,11 +44,25 @@ def render(message: Message, language: str = "en") -> str:
     template = templates(language).get(message.id) or templates("en").get(message.id)
     if template is None:  # written by a later version
         return " ".join([message.id, *(f"{k}={_text(v, language)}" for k, v in message.parameters.items())])
-    return _Formatter(language).vformat(template, (), message.parameters)
+    text = _Formatter(language).vformat(template, (), message.parameters)
+    if any(isinstance(value, Message | list | tuple) for value in message.parameters.values()):
+        text = _ENDS_EARLY.sub("", _ENDS_TWICE.sub(r"\1", text))
+    return text
+
+
+def term(name: str, language: str) -> str:
+    """The name of a quantity, chart or column in that language; a name without an entry `term-…` as it is."""
+    return templates(language).get(term_id(name), name)
+
+
+def term_id(name: str) -> str:
+    """Under which id the catalogues have a name: `cross-axis x from y` as `term-cross-axis-x-from-y`."""
+    plain = name.lower().replace("σ", "sigma").replace("−", "minus")
+    return f"term-{_BETWEEN.sub('-', plain).strip('-')}"
 
 
 class _Formatter(string.Formatter):
-    """str.format with plurals and joined sequences; no attributes and no indices, so that data stay data."""
+    """str.format with plurals, sequences and names of quantities; no attributes and no indices: data stay data."""
 
     def __init__(self, language: str) -> None:
         self._language = language
@@ -56,10 +75,10 @@ class _Formatter(string.Formatter):
             return plural["one"] if value == 1 else plural["many"]
         if join := _JOIN.fullmatch(format_spec):
             return join["between"].join(_text(part, self._language) for part in value) or "–"
-        if isinstance(value, Message) or (isinstance(value, Sequence) and not isinstance(value, str)):
+        if format_spec == "term":
+            return term(str(value), self._language)
+        if value is None or isinstance(value, Message) or (isinstance(value, Sequence) and not isinstance(value, str)):
             return _text(value, self._language)
-        if value is None:
-            return "–"
         try:
             return format(value, format_spec)
         except ValueError:  # a later version's parameter may be of another kind

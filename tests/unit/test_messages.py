@@ -2,6 +2,7 @@
 
 import ast
 import pickle
+import re
 import string
 from collections.abc import Iterator
 
@@ -62,3 +63,21 @@ def test_a_message_survives_json_and_pickling() -> None:
 
 def test_a_message_of_a_later_version_still_says_its_parameters() -> None:
     assert render(Message("not-yet-known", axis="y", value=1.5)) == "not-yet-known axis=y value=1.5"
+
+
+@pytest.mark.parametrize(("language", "name"), [("en", "gain y"), ("de", "Verstärkung y"), ("zh", "增益 y")])
+def test_a_sentence_names_a_coefficient_in_its_own_language(language: str, name: str) -> None:
+    beyond = Message("coefficient-beyond-limit", coefficient="gain y", deviation=-0.06, unit="", limit=0.05)
+    assert render(beyond, language).startswith(f"{name} ")
+    later = Message("coefficient-beyond-limit", coefficient="twist", deviation=-0.06, unit="", limit=0.05)
+    assert render(later, language).startswith("twist ")
+
+
+@pytest.mark.parametrize("language", languages())
+def test_a_sentence_in_a_sentence_ends_once(language: str) -> None:
+    value, key = Message("formula-value", value="nan"), Message("unknown-key-near", nearest="term")
+    for reasons in ((value, key), (key, value)):
+        rows = [Message("mistake-at-key", line=3, key="effects.0", reason=reason) for reason in reasons]
+        text = render(Message("document-mistakes", file="model.yaml", mistakes=rows), language)
+        assert not re.search(r"[.?。？][.。;；]", text.replace("?;", "").replace("？；", "")), text
+        assert text[-1] in ".?。？"
