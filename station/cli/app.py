@@ -11,6 +11,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ _GC_THRESHOLDS = (50_000, 20, 100)
 _LINEAR_ALGEBRA_THREADS = ("OPENBLAS_NUM_THREADS", "1")
 #: What typer answers to Ctrl-C, and the exit codes of docs/formats.md.
 _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+#: So much of a name that is too long is shown.
+_LONGEST_NAME = 60
 _INTERRUPTED, _ABORTED_CODE, _BUG_CODE, _NOBODY_READS_CODE = 130, 4, 70, 3
 
 
@@ -44,12 +47,19 @@ def main(args: Sequence[str] | None = None) -> None:
 
 def commands() -> dict[str, str]:
     """Every command and the first line of its help, read without importing any."""
-    found = {}
-    for path in sorted(_FOLDER.glob("[!_]*.py")):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.FunctionDef) and node.name == "command":
-                found[path.stem.rstrip("_").replace("_", "-")] = (ast.get_docstring(node) or "").partition("\n")[0]
-    return found
+    return {name: _first_line(path) for name, path in _modules().items()}
+
+
+def _modules() -> dict[str, Path]:
+    """The file of each command: all of this folder but this one and those whose names begin with an underscore."""
+    files = sorted(path for path in _FOLDER.glob("[!_]*.py") if path != Path(__file__))
+    return {path.stem.rstrip("_").replace("_", "-"): path for path in files}
+
+
+def _first_line(path: Path) -> str:
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    (function,) = (node for node in body if isinstance(node, ast.FunctionDef) and node.name == "command")
+    return (ast.get_docstring(function) or "").partition("\n")[0]
 
 
 def _guarded(args: list[str]) -> int:
@@ -72,6 +82,9 @@ def _unexpected(exc: Exception, args: list[str]) -> tuple[str, int]:
     """Sentence and exit code of what no face expects: the machine has run out of something, or a bug."""
     if isinstance(exc, MemoryError):
         return render(Message("out-of-memory")), StationFault.exit_code
+    if isinstance(exc, OSError) and exc.errno == errno.ENAMETOOLONG:  # a path of the command line, wherever it is read
+        name = f"{str(exc.filename)[:_LONGEST_NAME]}…"
+        return render(Message("file-unreadable", file=name, why=system_reason(exc))), UsageError.exit_code
     if isinstance(exc, OSError) and exc.errno in _OUTPUT_ERRORS:
         _discard_output()
         return render(Message("output-not-written", reason=system_reason(exc))), StationFault.exit_code
@@ -115,8 +128,8 @@ def run_command(args: list[str]) -> int:
     if name == "--version":
         print(f"station {station.__version__}")
         return 0
-    if name not in commands():
-        close = difflib.get_close_matches(name, commands(), n=1)
+    if name not in _modules():
+        close = difflib.get_close_matches(name, _modules(), n=1)
         if close:
             raise UsageError("command-near", name=name[:40], nearest=close[0])
         raise UsageError("command-unknown", name=name[:40])
@@ -128,6 +141,7 @@ def long_options(name: str) -> tuple[str, ...]:
     return tuple(o for p in _command(name).params for o in (*p.opts, *p.secondary_opts) if o.startswith("--"))
 
 
+@cache
 def _command(name: str) -> Any:
     """What typer makes of a command's function."""
     import typer
@@ -144,11 +158,13 @@ def _command(name: str) -> Any:
 def _run(name: str, args: list[str]) -> int:
     import typer
 
+    command = _command(name)
     try:
-        code = _command(name).main(args, prog_name=f"station {name}", standalone_mode=False)
+        code = command.main(args, prog_name=f"station {name}", standalone_mode=False)
     except typer.TyperException as exc:
-        why = " ".join(exc.format_message().split()).rstrip(".")
-        raise UsageError("command-line-wrong", command=name, why=why) from exc
+        from station.cli._command_line import command_line_error
+
+        raise command_line_error(name, command.params, args, exc) from exc
     except typer.Abort as exc:
         raise Aborted("stopped-by-operator") from exc
     if code == _INTERRUPTED:

@@ -1,16 +1,24 @@
-"""`python tests/endurance/wrong_inputs.py [--each N] [--seed S]`: N wrong inputs of every kind of file and command."""
+"""`python tests/endurance/wrong_inputs.py [--each N] [--seed S] [--part K/N]`: N wrong inputs of every kind of file, N
+wrong lines of every command, and N of its examples made wrong in the folder that `station demo` leaves.
+
+`--part 2/8` tries the second eighth of kinds and commands; `--show` prints every input with the answer.
+"""
 
 import argparse
-import collections
-import contextlib
-import io
-import os
 import random
-import sys
+import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
-from tests.fakes.wrong_inputs import FILES, Complaint, all_commands, complaint, wrong_files, wrong_lines
+from tests.endurance.help_examples import parse_part
+from tests.fakes.command import Done, captured
+from tests.fakes.forked import forked
+from tests.fakes.wrong_examples import all_names, wrong_examples
+from tests.fakes.wrong_inputs import ENDED, FILES, WrongInput, all_commands, complaint, wrong_files, wrong_lines
+
+#: What is right after all may go on so long.
+LIMIT_S = 8.0
 
 
 def main() -> int:
@@ -18,29 +26,56 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--part", type=parse_part, default=(1, 1), metavar="K/N")
+    parser.add_argument("--show", action="store_true")
     wanted = parser.parse_args()
-    found: dict[str, list[Complaint]] = collections.defaultdict(list)
-    tried = 0
-    sys.stdin = io.StringIO()
-    with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(io.StringIO()):
-        os.chdir(name)
-        for kind in FILES:
-            for wrong in wrong_files(kind, Path(name), random.Random(f"{wanted.seed}{kind}"), wanted.each):
-                tried += 1
-                if (bad := complaint(wrong)) is not None:
-                    found[kind].append(bad)
-        for command in all_commands():
-            for wrong in wrong_lines(command, random.Random(f"{wanted.seed}{command}"), wanted.each):
-                tried += 1
-                if (bad := complaint(wrong)) is not None:
-                    found[f"station {command}"].append(bad)
-        os.chdir("/")
-    for kind, bads in found.items():
-        print(f"{kind}: {len(bads)} of {wanted.each}")
-        for bad in bads[:5]:
-            print(f"    {bad.wrong.what}: {bad.why}: {bad.sentence[:300]}")
-    print(f"{tried} wrong inputs, seed {wanted.seed}: {sum(map(len, found.values()))} refused badly")
-    return 1 if found else 0
+    number, parts = wanted.part
+    kinds = [*(f"file: {kind}" for kind in FILES), *(f"line: {name}" for name in all_commands())]
+    kinds += [f"example: {name}" for name in all_names()]
+    tried = bad = 0
+    with tempfile.TemporaryDirectory() as name:
+        tour = Path(name) / "tour"
+        captured("demo", tour)
+        for kind in kinds[number - 1 :: parts]:
+            ours = _try_kind(kind, tour, random.Random(f"{wanted.seed}{kind}"), wanted.each, show=wanted.show)
+            tried, bad = tried + ours[0], bad + ours[1]
+            print(f"{kind}: {ours[1]} of {ours[0]}", flush=True)
+    print(f"{tried} wrong inputs, seed {wanted.seed}, part {number}/{parts}: {bad} refused badly")
+    return 1 if bad else 0
+
+
+def _try_kind(kind: str, tour: Path, rng: random.Random, each: int, *, show: bool) -> tuple[int, int]:
+    """So many were tried, so many refused badly."""
+    folder = tour.with_name("here")
+    shutil.copytree(tour, folder)
+    last = Done(0, "", "")
+
+    def run(*words: str) -> Done:
+        nonlocal last
+        last = forked(folder, LIMIT_S)(*words)
+        return last
+
+    tried = bad = 0
+    for wrong in _inputs(kind, folder, rng, each):
+        tried += 1
+        found = complaint(wrong, run)
+        if found is not None:
+            bad += 1
+            print(f"    {wrong.what}: {found.why}: {found.sentence[:300]}")
+        elif show:
+            print(f"    {wrong.what}: {last.returncode} {last.stderr.strip()[:300]}")
+        if last.returncode == ENDED:
+            shutil.rmtree(folder)
+            shutil.copytree(tour, folder)
+    shutil.rmtree(folder)
+    return tried, bad
+
+
+def _inputs(kind: str, folder: Path, rng: random.Random, each: int) -> Iterator[WrongInput]:
+    what, _, name = kind.partition(": ")
+    if what == "file":
+        return wrong_files(name, folder, rng, each)
+    return (wrong_lines if what == "line" else wrong_examples)(name, rng, each)
 
 
 if __name__ == "__main__":

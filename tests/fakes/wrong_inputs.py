@@ -3,23 +3,30 @@
 import random
 import re
 import shutil
+import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.cli.app import commands, long_options, run_command
+from station.cli.app import commands, long_options
 from station.config.search_path import shipped_folder
-from station.errors import InputError, StationError
+from station.errors import UsageError
+from tests.fakes.command import Done, captured
 
 #: What a library would say, and no person should read.
 LEAKS = re.compile(
     r"input should|type=|pydantic|validation error|traceback|nonetype|object has no attribute|expecting value|"
     r"codec can|unhashable|errno|<class|0x[0-9a-f]{10,}|tokenizing|arrowinvalid|keyerror|"
-    r"https?://errors|unsupported operand",
+    r"https?://errors|unsupported operand|\w+Warning: ",
     re.IGNORECASE,
 )
+_SENTENCES = re.compile(r"[a-z0-9)'`]\. [A-Z`]")
 LONGEST_SENTENCE = 4000
-_VALUES = (
+#: How lines begin that a command may write before it refuses: whether what it reads is simulated.
+_REMARKS = ("Rehearsal bench", "SIMULATED")
+#: "Exit code" of a command that a test ended because it took too long: it had found its input right.
+ENDED = -signal.SIGKILL
+VALUES = (
     "", "null", "nan", ".nan", ".inf", "-.inf", "1e400", "-1", "0", "9" * 400, "true", "[]", "{}", "[1, 2",
     "!!python/object:os.system x", "!!binary aGk=", "*nobody", "&a [*a]", "text", "[[[[1]]]]", "{a: 1, a: 2}",
     "-0x", "1_000", "'", '"open', "2026-13-45", "\t- x", "@at", "`tick", "%percent", "é", "\u202e",
@@ -45,32 +52,35 @@ class Complaint:
     sentence: str
 
 
-def complaint(wrong: WrongInput) -> Complaint | None:
+def complaint(wrong: WrongInput, run: Callable[..., Done] = captured) -> Complaint | None:
     """Runs it; None where it was refused by one sentence of ours and the right code, or was right after all."""
-    try:
-        run_command(list(wrong.words))
-    except StationError as exc:
-        return _of_sentence(wrong, exc)
-    except SystemExit as exc:
-        return Complaint(wrong, f"left the program with {exc.code}", "")
-    except Exception as exc:  # noqa: BLE001 - this is what must not happen
-        return Complaint(wrong, f"{type(exc).__name__}: {exc}"[:300], "")
-    return None
+    done = run(*wrong.words)
+    why = _trouble(done)
+    if why is None and done.returncode == UsageError.exit_code and not _names_file(wrong, done.stderr):
+        why = "does not name the file"
+    return None if why is None else Complaint(wrong, why, done.stderr.strip())
 
 
-def _of_sentence(wrong: WrongInput, exc: StationError) -> Complaint | None:
-    sentence = exc.sentence
-    if leak := LEAKS.search(sentence):
-        return Complaint(wrong, f"says {leak[0]!r}", sentence)
-    if "\n" in sentence or not sentence or len(sentence) > LONGEST_SENTENCE:
-        return Complaint(wrong, "is not one sentence", sentence)
-    if isinstance(exc, InputError) and exc.exit_code != 2:
-        return Complaint(wrong, f"exit code {exc.exit_code}", sentence)
-    # What came to be a right file is refused for want of another one, or as the copy that was made of it.
+def _trouble(done: Done) -> str | None:
+    """What is wrong with an answer."""
+    lines = [line for line in done.stderr.splitlines() if line.partition(":")[0] not in _REMARKS]
+    refusals = [line for line in lines if line.startswith("station: ")]
+    refused = done.returncode == UsageError.exit_code
+    found: dict[str, bool] = {
+        f"exit code {done.returncode}": done.returncode not in (*range(5), ENDED),
+        "a leak": LEAKS.search(done.stderr) is not None,
+        "no sentence, or more than one": refused and (len(refusals) != 1 or _SENTENCES.search(refusals[0]) is not None),
+        "more lines than the sentence's": refused and len(lines) > 1,
+        "a sentence too long": any(len(line) > LONGEST_SENTENCE for line in refusals),
+        "output of what was refused": refused and bool(done.stdout.strip()),
+    }
+    return ", ".join(what for what, there in found.items() if there) or None
+
+
+def _names_file(wrong: WrongInput, sentence: str) -> bool:
+    """What came to be a right file is refused for want of another one, or as the copy that was made of it."""
     named = (wrong.file, Path(wrong.file).stem, "nowhere", "new.", "There is no log", "accelerometer.dbc")
-    if wrong.file and not any(name in sentence for name in named):
-        return Complaint(wrong, "does not name the file", sentence)
-    return None
+    return not wrong.file or any(name in sentence for name in named)
 
 
 def wrong_lines(name: str, rng: random.Random, count: int) -> Iterator[WrongInput]:
@@ -79,7 +89,7 @@ def wrong_lines(name: str, rng: random.Random, count: int) -> Iterator[WrongInpu
     for _ in range(count):
         option = rng.choice(options or ["--json"])
         kinds = (
-            [option[:-1] + "x"], ["--no-such-option"], [option, "--"], [f"{option}=" + rng.choice(_VALUES)],
+            [option[:-1] + "x"], ["--no-such-option"], [option, "--"], [f"{option}=" + rng.choice(VALUES)],
             ["--" + "x" * rng.randint(1, 3000)], ["\x00", "\x1b[31m"], [option, "nowhere/at/all"], ["surplus"] * 5,
         )  # fmt: skip
         yield WrongInput("line", (name, *rng.choice(kinds), "--no-such-option"))
@@ -117,7 +127,7 @@ def _one_line_wrong(good: str, rng: random.Random) -> tuple[str, bytes]:
     lines = good.splitlines()
     places = [i for i, line in enumerate(lines) if re.search(r"[:=,]\s*\S", line) and not line.lstrip().startswith("#")]
     at = rng.choice(places or range(len(lines)))
-    kind, value = rng.randrange(5), rng.choice(_VALUES)
+    kind, value = rng.randrange(5), rng.choice(VALUES)
     line = lines[at]
     if kind == 0:
         lines[at] = re.sub(r"([:=,]\s*)[^,}\]]+", lambda m: m[1] + value, line, count=1)

@@ -1,13 +1,16 @@
 """The command line as a process: help, errors as one sentence, exit codes, a pipe that closes."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from station.cli import app
 from station.cli.app import commands, main
+from tests.fakes.command import captured
 
 STATION = [sys.executable, "-m", "station"]
 
@@ -49,7 +52,7 @@ def test_every_command_has_help_with_an_example_to_paste(capfd: pytest.CaptureFi
 
 
 def test_no_command_shows_the_list_and_is_a_usage_error() -> None:
-    done = station()
+    done = captured()
     assert (done.returncode, done.stdout) == (2, "")
     assert "Usage: station COMMAND" in done.stderr
 
@@ -60,15 +63,42 @@ def test_version() -> None:
 
 def test_an_unknown_command_or_option_is_one_sentence() -> None:
     for args in (["rum"], ["run", "--no-such-option"], ["run", "--units", "many"], ["ru\x1b[31mn\nx"]):
-        done = station(*args)
+        done = captured(*args)
         assert done.returncode == 2
         assert done.stdout == ""
         assert len(done.stderr.splitlines()) == 1
         assert "\x1b" not in done.stderr
 
 
+#: Words of the parser and of its validator, which are not ours.
+THEIRS = re.compile(
+    r"Input should|Invalid value|No such option|requires an|Got unexpected|Missing (?:arg|opt|param)|Error"
+)
+
+
+def test_whatever_is_wrong_with_a_command_line_is_said_in_our_words() -> None:
+    tried = 0
+    for name in commands():
+        lines = [[name, "--no-such-option"], [name, *["word"] * 9]]
+        for param in app._command(name).params:
+            option = param.opts[0]
+            if not option.startswith("-"):
+                continue
+            lines.append([name, f"{option}=x"] if param.is_flag else [name, option])
+            if param.type_descriptor.annotation in (int, float):
+                lines.append([name, option, "many"])
+            if param.min is not None:
+                lines.append([name, option, str(param.min - 1)])
+        for line in lines:
+            done = captured(*line)
+            assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), line
+            assert not THEIRS.search(done.stderr), done
+            tried += 1
+    assert tried > 300
+
+
 def test_a_near_miss_is_named() -> None:
-    assert "did you mean `run`?" in station("runn").stderr
+    assert "did you mean `run`?" in captured("runn").stderr
 
 
 def test_a_bug_is_a_sentence_a_file_and_exit_70(tmp_path: Path) -> None:
@@ -105,7 +135,7 @@ def test_a_reader_that_goes_away_leaves_no_traceback() -> None:
         assert "Traceback" not in process.stderr.read()
 
 
-@pytest.mark.parametrize("command", [["effects"], ["effects", "--json"], ["check", "six-point"]])
+@pytest.mark.parametrize("command", [["effects", "--json"], ["check", "six-point"]])
 def test_a_full_disk_under_the_output_is_one_sentence(command: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
@@ -122,7 +152,7 @@ def test_a_closed_output_is_no_bug() -> None:
 
 @pytest.mark.parametrize("command", [["run", "--simulate"], ["recover", "SN1", "--simulate"], ["audit"], ["report"]])
 def test_a_folder_is_no_log(command: list[str]) -> None:
-    done = station(*command, "--db", "/")
+    done = captured(*command, "--db", "/")
     assert done.returncode in (2, 3)
     assert done.stderr.startswith(("station: The log / cannot be opened", "station: There is no log /"))
     assert done.stderr.count("\n") == 1
