@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats, Labels
+from station.domain.recipe.plan import seating_of_passes
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from station.messages import Message
@@ -97,7 +98,7 @@ def visit_table(
     labels: position, and what is known of seating, station, nest, lot and operator.
     """
     position = labels["position"]
-    seating = labels.get("seating", Labels(("home",), np.zeros(len(run), np.int32)))
+    seating = labels["seating"] if "seating" in labels else seating_of_passes(recipe, run)
     poses = [_pose(recipe, name) for name in position.names]
     same = (unit.code[1:] == unit.code[:-1]) & (run[1:] == run[:-1])
     previous = np.where(np.r_[False, same][: len(run)], np.arange(len(run)) - 1, -1)

@@ -12,6 +12,7 @@ from station.domain.noise import resolution
 from station.domain.noise.dwell_statistics import DwellStatistics, measure
 from station.domain.noise.noise_prior import NoisePrior
 from station.domain.recipe import references
+from station.domain.recipe.plan import seating_of_passes
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 
@@ -134,7 +135,8 @@ def _of_portion(
     gold = None if part.gold is None else measure(part.gold, begin, count, unit)
     temperature = _means(part.values.get("temperature_degC"), begin, count)
     first = np.flatnonzero(np.r_[True, unit[1:] != unit[:-1]])
-    seating = part.labels.get("seating")
+    labels = part.labels
+    seating = labels["seating"][begin] if "seating" in labels else seating_of_passes(recipe, part.run[begin])
     for a, b in zip(first, np.r_[first[1:], len(begin)], strict=True):
         own, at = slice(int(a), int(b)), begin[a:b]
         own_dwells = _rows(dwells, own)
@@ -144,7 +146,7 @@ def _of_portion(
             run=part.run[at],
             visit=part.visit[at],
             position=tuple(part.position[at].text()),
-            seating=("home",) * len(at) if seating is None else tuple(seating[at].text()),
+            seating=tuple(seating[own].text()),
             begin_s=part.time_s[at],
             end_s=part.time_s[end[own] - 1],
             temperature_degC=temperature[own],

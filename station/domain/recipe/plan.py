@@ -4,8 +4,9 @@ import hashlib
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from station.domain.core.types import Floats
+from station.domain.core.types import Floats, Labels
 from station.domain.recipe import moves
 from station.domain.recipe.blocks import Run
 from station.domain.recipe.position import Position
@@ -96,3 +97,10 @@ def _visits_in_order(
 def run_of_pass(recipe: Recipe, run: int) -> Run:
     """Which of the recipe's `runs` a pass is: repeated passes go round again."""
     return recipe.runs[run % len(recipe.runs)]
+
+
+def seating_of_passes(recipe: Recipe, run: NDArray[np.int32]) -> Labels:
+    """The seating of visits (v) in passes (v): that of the recipe's run, where nothing says how the unit sat."""
+    names = tuple(dict.fromkeys(r.seating for r in recipe.runs))
+    code = np.array([names.index(r.seating) for r in recipe.runs], np.int32)
+    return Labels(names, code[run % len(recipe.runs)]).used()
