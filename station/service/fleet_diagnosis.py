@@ -21,12 +21,11 @@ from station.diagnosis.fleet.response import (
 )
 from station.diagnosis.fleet.search import SharedCandidate, SharedFinding, search_shared
 from station.domain.core.types import Floats, ReducedVisits
-from station.domain.evaluation import reduced_visits_document
+from station.domain.evaluation.reduced_visits_texts import from_texts
 from station.domain.recipe.recipe import Recipe
-from station.domain.recipe.references import Truths
 from station.errors import LogError
 from station.ports.fleet import Columns, ColumnType, PortionResults
-from station.ports.log_reader import Query, ReducedAttempt
+from station.ports.log_reader import Query
 from station.service.fleet import FleetPlan, FleetWork, OpenSource
 
 #: Units that the noise is learnt from, spread over all of them; fewer than this say nothing of it.
@@ -90,7 +89,7 @@ def moments_portion(bank: FleetBank, work: FleetWork) -> Columns:
     recipe, truths = Recipe.model_validate_json(work.recipe), dict[Any, Any]()
     with work.open_source() as source:
         rows = source.reduced(work.numbers)
-    pairs = [(row, _visits(row, recipe, truths)) for row in rows]
+    pairs = list(zip(rows, from_texts([row.stops for row in rows], recipe, truths), strict=True))
     pairs = [(row, visits) for row, visits in pairs if visit_order(visits) == bank.order]
     columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
     if not pairs:
@@ -164,16 +163,13 @@ def _projected(
 def _sample(
     recipe: Recipe, query: Query, sources: Sequence[OpenSource]
 ) -> tuple[list[ReducedVisits], list[tuple[str, str, str]]]:
-    visits, groups, truths = [], [], dict[Any, Any]()
+    visits, groups = list[ReducedVisits](), list[tuple[str, str, str]]()
+    truths = dict[Any, Any]()
     for open_source in sources:
         with open_source() as source:
             numbers = np.fromiter((attempt.number for attempt in source.selection(query)), np.int64)
             step = max(1, len(numbers) * len(sources) // _SAMPLE)
-            for row in source.reduced(numbers[::step].tolist()):
-                visits.append(_visits(row, recipe, truths))
-                groups.append((row.station, row.nest, row.lot))
+            rows = source.reduced(numbers[::step].tolist())
+            visits += from_texts([row.stops for row in rows], recipe, truths)
+            groups += [(row.station, row.nest, row.lot) for row in rows]
     return visits, groups
-
-
-def _visits(row: ReducedAttempt, recipe: Recipe, truths: Truths) -> ReducedVisits:
-    return reduced_visits_document.from_document(json.loads(row.stops), recipe, truths)

@@ -4,10 +4,8 @@ what the jobs over a fleet share."""
 import json
 from collections.abc import Sequence
 
-from pydantic_core import from_json
-
 from station.domain.core.types import Floats
-from station.domain.evaluation import backtest, pipeline, reduced_visits_document
+from station.domain.evaluation import backtest, pipeline, reduced_visits_texts
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.line_quality import history
 from station.domain.product import product_record, writeback
@@ -37,7 +35,8 @@ def _from_reduced(source: UnitSource, rows: Sequence[ReducedAttempt], recipe: Re
     for (product, taught), own in same.items():
         rounding = _rounding(source, product)
         known = history.of_document(json.loads(taught) if taught else None)
-        units = {r.attempt: reduced_visits_document.from_document(from_json(r.stops), recipe, truths) for r in own}
+        visits = reduced_visits_texts.from_texts([r.stops for r in own], recipe, truths)
+        units = dict(zip([r.attempt for r in own], visits, strict=True))
         solved = pipeline.calibrate_reduced(known.applied(recipe), units, rounding)
         results |= {row.number: result for row, result in zip(own, solved, strict=True)}
     return [results[row.number] for row in rows]

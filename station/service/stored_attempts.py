@@ -1,20 +1,16 @@
-"""What the log keeps, as the rest of the station knows it: samples tables, CAN logs with marks, rows of results."""
+"""What the log keeps, as the rest of the station knows it: samples tables, rows of results."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from station.domain.capture.annotations import Annotation, Annotations, annotate_visits
 from station.domain.capture.assemble import run_starts_ns, sample_table
 from station.domain.capture.visit import CapturedVisit, decode_visit
-from station.domain.core.types import Floats, Frames, NestAssignment, SampleTable
+from station.domain.core.types import Floats, SampleTable
 from station.domain.methods import coefficients
 from station.domain.records import stored_attempt
-from station.errors import UsageError
 from station.ports.log_reader import Attempt, LogReader
 from station.service.recompute import parse_recipe_and_product, stored_visits
 
@@ -45,32 +41,6 @@ def samples(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[SampleTable
         before = runs.get(attempt.serial, 0)
         runs[attempt.serial] = before + len(recipe.runs)
         yield _complete(table, labels, wanted, before, (visits[0].arrived_ns - zero_ns) / 1e9)
-
-
-def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Annotations]:
-    """All raw frames of the attempts in the order of time, and marks of their dwells.
-
-    Errors: UsageError when two attempts overlap in time on one node, so that marks could not part them.
-    """
-    per_attempt = [(attempt, log.frames(attempt)) for attempt in attempts]
-    joined = Frames.join([part for _, parts in per_attempt for part in parts])
-    joined = joined[np.argsort(joined.time_ns, kind="stable")]
-    zero_ns = int(joined.time_ns[0]) if len(joined) else 0
-    dwells = [(a, stored_visits(log.attempt(a)["visits"], parts)) for a, parts in per_attempt]
-    _check_apart([(a, visit) for a, visits in dwells for visit in visits])
-    names = {a.recipe_name for a in attempts}
-    count = Counter(a.serial for a in attempts)
-    made = tuple(
-        mark.model_copy(
-            update={
-                "attempt": a.attempt if count[a.serial] > 1 else "",
-                "simulated": stored_attempt.mark_of(a.software),
-            }
-        )
-        for a, visits in dwells
-        for mark in _marks(log, a, visits, zero_ns)
-    )
-    return joined, Annotations(recipe=names.pop() if len(names) == 1 else None, marks=made)
 
 
 def results(log: LogReader, attempts: Sequence[Attempt]) -> Iterator[dict[str, Any]]:
@@ -111,23 +81,6 @@ def _complete(
     values: dict[str, Floats] = {name: table.values.get(name, np.full(n, np.nan)) for name in wanted}
     values["started_s"] = values["started_s"] + late_s
     return replace(table, run=table.run + np.int32(runs), values=values).labelled(labels)
-
-
-def _marks(log: LogReader, attempt: Attempt, visits: Sequence[CapturedVisit], zero_ns: int) -> list[Annotation]:
-    _, _, layout = parse_recipe_and_product(*log.recipe_and_product(attempt))
-    try:
-        return annotate_visits(NestAssignment(attempt.serial, attempt.nest, attempt.node), visits, layout, zero_ns)
-    except ValidationError as exc:
-        raise UsageError("marks-serial-characters", serial=attempt.serial) from exc
-
-
-def _check_apart(marks: Sequence[tuple[Attempt, CapturedVisit]]) -> None:
-    last: dict[int, tuple[int, Attempt]] = {}
-    for attempt, visit in sorted(marks, key=lambda m: m[1].from_ns):
-        until, other = last.get(attempt.node, (visit.from_ns, attempt))
-        if visit.from_ns < until and other.attempt != attempt.attempt:
-            raise UsageError("attempts-overlap", first=other.attempt, second=attempt.attempt, node=attempt.node)
-        last[attempt.node] = max(until, visit.to_ns), attempt
 
 
 def _result(attempt: Attempt, stored: dict[str, Any]) -> dict[str, Any]:

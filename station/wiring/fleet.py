@@ -14,6 +14,7 @@ from station.files.code_version import code_version
 from station.ports.fleet import ColumnType, PortionEngine, UnitSource
 from station.service.fleet import FleetJob, FleetPlan, InProcess, OpenSource
 from station.wiring.logs import open_log, plant_address
+from station.wiring.process_memory import retain_freed_memory
 
 __all__ = ["code_version", "open_engine", "open_results", "open_source", "openers"]
 
@@ -35,6 +36,7 @@ def open_engine(
     there is nothing to share, this process. Errors: StationFault, InputError."""
     workers = min(processes or os.cpu_count() or 1, len(planned.portions))
     if not scheduler and workers <= 1:
+        retain_freed_memory()
         return nullcontext(InProcess())
     from station.adapters.fleet.dask_engine import DaskEngine
 

@@ -128,6 +128,8 @@ def test_reduced_stops_come_back_bit_for_bit_and_without_what_the_recipe_leaves_
     assert from_document(document, fewer).position == names[:4]
     with pytest.raises(LogError, match="use --from-frames"):
         from_document({}, recipe)
+    with pytest.raises(LogError, match="rows of 2 and of 3 values"):
+        from_document({**document, "mean": [*document["mean"][:5], [0.0, 1.0]]}, recipe)
 
 
 def test_a_longer_settling_cuts_later_and_never_before_the_arrival() -> None:

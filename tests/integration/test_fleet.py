@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Generator, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,15 @@ def run(
         return backtest.sum_backtest(planned, results), done
 
 
+def test_a_cluster_of_this_machine_is_reached_from_this_machine_alone(cluster: DaskEngine) -> None:
+    del cluster
+    own = {str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
+    rows = [line.split() for kind in ("tcp", "tcp6") for line in Path(f"/proc/net/{kind}").read_text().splitlines()[1:]]
+    listening = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in own]
+    assert listening
+    assert all(address.startswith("0100007F:") for address in listening), listening  # 127.0.0.1
+
+
 def test_a_cluster_that_loses_a_worker_gives_the_bits_of_one_process(
     job: FleetJob, folder: Path, cluster: DaskEngine, tmp_path: Path
 ) -> None:
@@ -82,8 +92,9 @@ def test_a_workers_error_and_another_code_come_back_as_sentences(
         run(job, folder, tmp_path, cluster, fleet_work.refuse)
     monkeypatch.setattr("station.adapters.fleet.dask_engine.code_version", lambda: "0.9.9+beef")
     with pytest.raises(InputError, match=r"runs other code than this command: 0\.2\.0\+.*here: 0\.9\.9\+beef"):
-        run(job, folder, tmp_path, cluster)
-    with pytest.raises(InputError, match="Install the same version"):
+        # Another code has keys of its own: a portion under way would come back as what the first code made of it.
+        run(replace(job, code="0.9.9+beef"), folder, tmp_path, cluster)
+    with pytest.raises(InputError, match="install the same version"):
         _compute_checked("1.0.0+0", fleet_work.refuse, None)
 
 

@@ -106,12 +106,7 @@ def compare(
 ) -> ComparedAttempts:
     """Attempts as they were and as they come out now; from_samples: raw samples were looked at again."""
     outcomes = [_outcome(old, new, from_samples=from_samples) for old, new in zip(before, after, strict=True)]
-    moved, in_std = np.full((len(before), 12), np.nan), np.full((len(before), 12), np.nan)
-    for i, (old, new) in enumerate(zip(before, after, strict=True)):
-        if old.theta is not None and new.calibration is not None:
-            moved[i] = np.concatenate([new.calibration.offset, new.calibration.matrix.ravel()]) - old.theta
-            std = np.sqrt(np.diagonal(new.calibration.covariance))
-            in_std[i] = np.divide(moved[i], std, out=np.zeros(12), where=std > 0)
+    moved, in_std = _shifts(before, after)
     return ComparedAttempts(
         tuple(old.attempt for old in before),
         tuple(old.serial for old in before),
@@ -123,6 +118,25 @@ def compare(
         tuple(old.simulated for old in before),
         tuple(old.taught for old in before),
     )
+
+
+def _shifts(before: Sequence[PreviousResult], after: Sequence[CalibrationResult]) -> tuple[Floats, Floats]:
+    """`ComparedAttempts.moved` and `shift_in_std`."""
+    moved, in_std = np.full((len(before), 12), np.nan), np.full((len(before), 12), np.nan)
+    pairs = zip(before, after, strict=True)
+    both = [
+        (i, old.theta, new.calibration)
+        for i, (old, new) in enumerate(pairs)
+        if old.theta is not None and new.calibration is not None
+    ]
+    if both:
+        rows, old, new = zip(*both, strict=True)
+        theta = np.hstack([[one.offset for one in new], [one.matrix.ravel() for one in new]])
+        std = np.sqrt([np.diagonal(one.covariance) for one in new])
+        shift = theta - np.array(old)
+        moved[list(rows)] = shift
+        in_std[list(rows)] = np.divide(shift, std, out=np.zeros_like(shift), where=std > 0)
+    return moved, in_std
 
 
 def _outcome(old: PreviousResult, new: CalibrationResult, *, from_samples: bool) -> tuple[str, tuple[str, ...]]:

@@ -128,9 +128,10 @@ def _results(
     """One result a unit of a part."""
     budgets = uncertainty.budgets(recipe, part.problem, part.fit, units[0][1], rounding)
     covariance, tilts = uncertainty.covering(budgets), tilt.of(part.problem, part.fit)
+    tilts_deg, rms = (np.rad2deg(tilts[0]), np.rad2deg(tilts[1])), _residual_rms(recipe, part.fit)
     invalid, judged = _invalid_fit_reasons(part.fit), []
     for (_, visits, measured), u in zip(units, part.rows.tolist(), strict=True):
-        own = budgets[u], covariance[u], (tilts[0][u], tilts[1][u])
+        own = budgets[u], covariance[u], (tilts_deg[0][u], tilts_deg[1][u]), float(rms[u])
         found, reasons = _calibration(recipe, visits, (part.fit, u), own), invalid[u]
         if measured is not None:
             found = replace(found, notes=(*found.notes, *quality.notes(recipe, measured)))
@@ -146,14 +147,11 @@ def _calibration(
     recipe: Recipe,
     visits: ReducedVisits,
     fitted: tuple[Fit, int],
-    of_unit: tuple[Budget, Floats, tuple[Floats, Floats]],
+    of_unit: tuple[Budget, Floats, tuple[Floats, Floats], float],
 ) -> Calibration:
-    """of_unit: its budget, the covariance that covers, its visits' tilts and their standard deviations, rad."""
-    (fit, u), (budget, covariance, tilts) = fitted, of_unit
-    used = ~fit.disturbed[u]
-    square = (fit.residual[u][used] ** 2).sum(axis=1)
-    # Of a hand-held visit only the magnitude can be off: one number, not one an axis.
-    rms = np.sqrt(square.mean() / (recipe.axes if recipe.pose_known else 1))
+    """of_unit: its budget, the covariance that covers, its visits' tilts and their standard deviations, in degrees,
+    and the RMS of its residuals."""
+    (fit, u), (budget, covariance, tilts_deg, rms) = fitted, of_unit
     return Calibration(
         method=recipe.method,
         unit=recipe.unit,
@@ -162,10 +160,10 @@ def _calibration(
         covariance=covariance,
         positions=visits.position,
         residual=fit.residual[u],
-        tilt_deg=np.rad2deg(tilts[0]),
-        tilt_std_deg=np.rad2deg(tilts[1]),
+        tilt_deg=tilts_deg[0],
+        tilt_std_deg=tilts_deg[1],
         disturbed=fit.disturbed[u],
-        residual_rms=float(rms),
+        residual_rms=rms,
         notes=(
             *_disturbed(visits, fit, u, recipe.unit),
             *_scatter(budget, recipe.unit),
@@ -173,6 +171,16 @@ def _calibration(
             *fit.notes[u],
         ),
     )
+
+
+def _residual_rms(recipe: Recipe, fit: Fit) -> Floats:
+    """Root mean square (u) of the residuals of each unit's undisturbed visits."""
+    square = (fit.residual**2).sum(axis=2)
+    mean = square.mean(axis=1)
+    for u in np.flatnonzero(fit.disturbed.any(axis=1)).tolist():
+        mean[u] = square[u][~fit.disturbed[u]].mean()
+    # Of a hand-held visit only the magnitude can be off: one number, not one an axis.
+    return np.asarray(np.sqrt(mean / (recipe.axes if recipe.pose_known else 1)))
 
 
 def _dwell(recipe: Recipe, fit: Fit, visits: ReducedVisits, budget: Budget) -> Iterator[Message]:
