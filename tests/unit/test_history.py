@@ -111,7 +111,7 @@ def test_a_process_of_results_says_nothing_of_what_all_results_share() -> None:
     """Random u 3e-4, shared 1e-3, process 1e-4: the posterior cannot be narrower than what is shared."""
     random, shared, spread = 3e-4, 1e-3, 1e-4
     one = np.ones((1, 1))
-    prior = risk.Prior(0 * one, spread * one, shared * one)
+    prior = risk.Prior(0 * one, spread * one, shared * one, 0 * one, shared * one)
     found = risk.Measured(5e-4 * one, np.hypot(random, shared) * one, 1e9 * one, np.eye(1)[None], prior)
     share = spread**2 / (spread**2 + random**2)
     mean, std = (float(v[0, 0]) for v in found.believed())

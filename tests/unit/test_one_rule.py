@@ -119,11 +119,14 @@ def test_limits_that_any_unit_keeps_are_refused(method: str, limits: dict[str, f
         decision_rule.refuse_unestimated(tumble.recipe(method, limits=limits))
 
 
-@pytest.mark.parametrize(("mean", "guard"), [(0.0, 0.0), (0.01, 0.0), (0.0, 0.01), (-0.02, 0.02)])
-def test_global_risks_are_those_of_the_two_normal_values(mean: float, guard: float) -> None:
+@pytest.mark.parametrize(
+    ("mean", "guard", "error"),
+    [(0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (-0.02, 0.02, 0.0), (0.01, 0.0, 0.006), (0.0, 0.01, -0.015)],
+)
+def test_global_risks_are_those_of_the_two_normal_values(mean: float, guard: float, error: float) -> None:
     """JCGM 106: true value and result are jointly normal; the rectangles by scipy's bivariate distribution."""
     std, u, limit = 0.02, 0.004, 0.05
-    both = multivariate_normal([mean, mean], [[std**2, std**2], [std**2, std**2 + u**2]])
+    both = multivariate_normal([mean, mean + error], [[std**2, std**2], [std**2, std**2 + u**2]])
 
     def of(low: tuple[float, float], high: tuple[float, float]) -> float:
         return float(both.cdf(np.array(high), lower_limit=np.array(low)))
@@ -131,7 +134,7 @@ def test_global_risks_are_those_of_the_two_normal_values(mean: float, guard: flo
     room, far = limit - guard, mean + 9 * std
     consumer = of((limit, -room), (far, room)) + of((-far - 1, -room), (-limit, room))
     producer = of((-limit, room), (limit, far)) + of((-limit, -far - 1), (limit, -room))
-    assert risk.global_risks((mean, std), u, limit, guard) == pytest.approx((consumer, producer), abs=2e-6)
+    assert risk.global_risks((mean, std), u, limit, guard, error) == pytest.approx((consumer, producer), abs=2e-6)
 
 
 def test_a_forecast_has_the_risks_of_a_stated_process_only() -> None:

@@ -54,3 +54,15 @@ def test_means_of_undithered_readings_are_covered(rng: np.random.Generator) -> N
     off = np.abs(found.mean - true[:, 0])
     assert (off < 1.96 * std).mean() > 0.94
     assert (off < 1.96 * found.std / np.sqrt(60)).mean() < 0.5
+
+
+def test_an_axis_whose_visits_lie_on_edges_is_not_taken_for_noisier(rng: np.random.Generator) -> None:
+    """Noise of a tenth of a step everywhere; z lies within a tenth of an edge at every visit, x and y anywhere."""
+    true = rng.uniform(0, 1, (18, 1, 3)) + 7
+    true[..., 2] = 0.5 + 0.1 * rng.uniform(-1, 1, (18, 1))
+    found = dwells(np.round(true + 0.1 * rng.standard_normal((18, 60, 3))))
+    alone = resolution.noise_under(np.ones(3), np.repeat(found.std[:, 2:], 3, axis=1))[2]
+    noise = resolution.noise_under(np.ones(3), found.std)
+    assert alone > 0.25 and noise[2] == pytest.approx(1.2 * noise[:2].max()) and noise[2] < 0.2
+    quiet = resolution.noise_under(np.ones(3), found.std * [0, 0, 1])
+    assert quiet == pytest.approx([0, 0, alone]), "axes that never change say nothing of one that does"

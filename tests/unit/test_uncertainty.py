@@ -73,7 +73,9 @@ def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generat
     table = replace(table, reading=np.round(table.reading / 0.0127) * 0.0127)
     found = tumble.calibrate_unit(recipe, table, TODAY)
     assert found.budget is not None and found.calibration is not None
-    assert found.budget.std("quantisation")[:3] == pytest.approx(np.full(3, 0.0127 / np.sqrt(12 * 6)), rel=0.2)
+    line = found.budget.std("quantisation")[:3] / (0.0127 / np.sqrt(12))
+    # Six roundings in the mean of six readings, or one of the four across with two of the faces.
+    assert (line >= 0.8 * (1 / 6) ** 0.5).all() and (line <= (4**2 + 2) ** 0.5 / 6).all()
     assert any("steps of 0.0127" in render(note) for note in found.calibration.notes)
 
 

@@ -152,7 +152,7 @@ def _process(thetas: Sequence[Floats], free: NDArray[np.bool_]) -> Process:
     off = np.stack(thetas) - coefficients.NOMINAL
     mean, std = off.mean(axis=0), off.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(off))
     each = tuple((float(m), float(s)) if known and s > 0 else None for m, s, known in zip(mean, std, free, strict=True))
-    return Process(each=each, of_results=True)
+    return Process(each=each, of_results=True, units=len(off))
 
 
 def _residuals(results: Iterable[PastResult]) -> ResidualHistory | None:

@@ -79,6 +79,8 @@ def of_readings(fit: Fit, felt: Floats) -> Floats:
 
 def by_pose(problem: FitProblem, effect: Floats) -> Floats:
     """Sums of effects (u, 12, k, v) over the visits of each pose: (u, 12, k · poses)."""
+    if (np.diff(problem.pose) > 0).all():  # each pose once, in order
+        return effect.reshape(*effect.shape[:2], -1)
     order = np.argsort(problem.pose, kind="stable")
     first = np.flatnonzero(np.r_[True, np.diff(problem.pose[order]) > 0])
     summed = np.add.reduceat(effect[..., order], first, axis=3)
@@ -174,8 +176,8 @@ def turn_on(recipe: Recipe, fit: Fit, visits: ReducedVisits) -> Floats:
 def temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
     """What the sheet's temperature coefficients make of differences between the visits, and of the thermometer."""
     u, _, v, _ = fit.jacobian.shape
-    device = recipe.device
-    if not (device.offset_tempco or device.gain_tempco):
+    of_offset, of_gain = assumptions.tempcos(recipe)
+    if not (of_offset or of_gain):
         return np.zeros((u, 12, 12))
     known = np.asarray(np.isfinite(problem.temperature_degC).all(axis=1))
     T = np.where(known[:, None], problem.temperature_degC, 0.0)
@@ -188,8 +190,8 @@ def temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
             part
             for t in (apart, common)
             for part in (
-                device.offset_tempco * t[:, None, :, None] * axes,
-                device.gain_tempco * t[:, None, :, None] * true,
+                of_offset * t[:, None, :, None] * axes,
+                of_gain * t[:, None, :, None] * true,
             )
         ],
         axis=1,

@@ -1,13 +1,14 @@
 """Limits, uncertainty and the decision rule → a verdict with every reason (JCGM 106:2012, ILAC-G8:09/2019)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Calibration, Floats, Outcome, Reason, ReducedVisits, Verdict
 from station.domain.methods import coefficients, coverage, risk, visit_limits
+from station.domain.methods.common_error import common_error
 from station.domain.methods.decision import Decision, guard_band, rule_of
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.blocks import Limits, Process
@@ -17,6 +18,8 @@ from station.messages import Message, Value
 
 #: Lines of the budget that are each unit's own; the others are the station's, the same for every unit.
 OF_THE_UNIT = ("noise", "quantisation", "method", "runs", "reproducibility")
+#: Lines that are the same for all units that the station ever measured by the recipe.
+OF_THE_PLACE = ("gravity", "field", "rate")
 #: Of the variance of results at least this share is the process'.
 MIN_PROCESS_SHARE = 0.01
 
@@ -102,12 +105,28 @@ def prior_of(limits: Limits, budgets: Sequence[Budget]) -> risk.Prior:
     """What is known of the twelve coefficients' deviations (u, 12) before a unit is measured."""
     process = limits.process or Process()
     mean, std = (np.tile(stated, (len(budgets), 1)) for stated in _stated(process))
-    shared = np.zeros_like(mean)
-    if process.of_results:  # the spread of results holds their random errors, and cannot show what they share
-        of_unit = np.array([_variance_of_unit(budget) for budget in budgets])
-        std = np.sqrt(np.maximum(std**2 - of_unit, MIN_PROCESS_SHARE * std**2))
-        shared = np.sqrt(np.maximum(_std(budgets) ** 2 - of_unit, 0.0))
-    return risk.Prior(mean, std, shared)
+    if not process.of_results:
+        return risk.Prior.of_truths(mean, std)
+    # The spread of results holds their random errors, and cannot show what they share.
+    of_unit = np.array([_variance(budget, OF_THE_UNIT) for budget in budgets])
+    true_std = np.sqrt(np.maximum(std**2 - of_unit, MIN_PROCESS_SHARE * std**2))
+    shared = np.sqrt(np.maximum(_std(budgets) ** 2 - of_unit, 0.0))
+    prior = risk.Prior(mean, true_std, shared, np.zeros_like(mean), shared)
+    return prior if process.units is None else _with_error_of_place(prior, std / np.sqrt(process.units + 1), budgets)
+
+
+def _with_error_of_place(prior: risk.Prior, mean_std: Floats, budgets: Sequence[Budget]) -> risk.Prior:
+    """The prior with what its mean, known to mean_std (u, 12), says of the error that all results share."""
+    of_place = np.array([_covariance(budget, OF_THE_PLACE) for budget in budgets])
+    error, error_std = np.zeros_like(prior.mean), prior.shared.copy()
+    for kind in (coefficients.OFFSETS, coefficients.GAINS, coefficients.CROSS):
+        own = np.flatnonzero(kind & np.isfinite(prior.std[0]))
+        at = of_place[:, own[:, None], own]
+        if at.any():
+            error[:, own], left = common_error(prior.mean[:, own], mean_std[:, own], prior.std[:, own], at)
+            rest = prior.shared[:, own] ** 2 - np.einsum("uii->ui", at)
+            error_std[:, own] = np.sqrt(np.maximum(rest, 0.0) + left**2)
+    return replace(prior, error=error, error_std=error_std)
 
 
 def _std(budgets: Sequence[Budget]) -> Floats:
@@ -115,9 +134,14 @@ def _std(budgets: Sequence[Budget]) -> Floats:
     return np.asarray(np.sqrt(np.maximum(np.array([np.diagonal(budget.total) for budget in budgets]), 0.0)))
 
 
-def _variance_of_unit(budget: Budget) -> Floats:
-    """Of the twelve coefficients, by what differs from unit to unit."""
-    return sum((budget.std(cause) ** 2 for cause in OF_THE_UNIT if cause in budget.parts), np.zeros(12))
+def _variance(budget: Budget, causes: Sequence[str]) -> Floats:
+    """Of the twelve coefficients, by some causes."""
+    return np.asarray(np.diagonal(_covariance(budget, causes)))
+
+
+def _covariance(budget: Budget, causes: Sequence[str]) -> Floats:
+    """Of the twelve coefficients (12, 12), by some causes."""
+    return sum((budget.parts[cause] for cause in causes if cause in budget.parts), np.zeros((12, 12)))
 
 
 def _stated(process: Process) -> tuple[Floats, Floats]:

@@ -24,25 +24,37 @@ NEGLIGIBLE = 1e-12
 class Prior:
     """The process before units (u) are measured: mean and standard deviation (u, c) of deviations, infinite where
     nothing is known. shared (u, c): part of the standard uncertainty that the process was learnt with, too, so that it
-    says nothing of it; 0 where the process is one of true values."""
+    cannot narrow it; 0 where the process is one of true values. error, error_std (u, c): what that shared error is, and
+    what is left of its standard deviation, by what the results' mean says of it."""
 
     mean: Floats
     std: Floats
     shared: Floats
+    error: Floats
+    error_std: Floats
 
     def take(self, which: slice | NDArray[np.intp]) -> "Prior":
         """Of some coefficients."""
-        return Prior(self.mean[:, which], self.std[:, which], self.shared[:, which])
+        return Prior(*(part[:, which] for part in self._parts()))
 
     def of_units(self, which: NDArray[np.bool_]) -> "Prior":
         """Of some units."""
-        return Prior(self.mean[which], self.std[which], self.shared[which])
+        return Prior(*(part[which] for part in self._parts()))
+
+    def _parts(self) -> tuple[Floats, ...]:
+        return self.mean, self.std, self.shared, self.error, self.error_std
+
+    @staticmethod
+    def of_truths(mean: Floats, std: Floats) -> "Prior":
+        """Of a process of true values."""
+        nothing = np.zeros_like(mean)
+        return Prior(mean, std, nothing, nothing, nothing)
 
     @staticmethod
     def unknown(units: int, count: int) -> "Prior":
         """Anything is as likely."""
         nothing = np.zeros((units, count))
-        return Prior(nothing, np.full_like(nothing, np.inf), nothing)
+        return Prior.of_truths(nothing, np.full_like(nothing, np.inf))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +85,9 @@ class Measured:
         own = np.sqrt(np.maximum(self.std**2 - self.prior.shared**2, 0.0))
         share = 1 / (1 + (np.maximum(own, 1e-300) / self.prior.std) ** 2)
         mean = share * self.deviation + (1 - share) * self.prior.mean
-        return mean, np.sqrt(share * own**2 + (own if again else self.prior.shared) ** 2)
+        if again:
+            return mean, np.sqrt((1 + share) * own**2)
+        return mean - self.prior.error, np.sqrt(share * own**2 + self.prior.error_std**2)
 
 
 def beyond(measured: Measured, limit: Floats, *, again: bool = False) -> Floats:
@@ -123,22 +137,26 @@ def _legendre(count: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(count)
 
 
-def global_risks(process: tuple[float, float], uncertainty: float, limit: float, guard: float) -> tuple[float, float]:
+def global_risks(
+    process: tuple[float, float], uncertainty: float, limit: float, guard: float, error: float = 0.0
+) -> tuple[float, float]:
     """Global consumer's and producer's risk (JCGM 106, eq. 24 and 26): that a unit of this process (mean and standard
-    deviation of its deviations) is beyond ± limit and accepted, and that it is within and rejected; guard: w.
+    deviation of its deviations) is beyond ± limit and accepted, and that it is within and rejected; guard: w; error:
+    mean of the error of results.
     """
     mean, std = process
     room, u = max(limit - guard, 0.0), max(uncertainty, 1e-300)
     node, weight = _legendre(2 * NODES)
 
     def share(low: float, high: float, *, accepted: bool) -> float:
-        low, high = (min(max(edge, mean - SPAN * std), mean + SPAN * std) for edge in (low, high))
         true = (low + high) / 2 + (high - low) / 2 * node
         density = np.exp(-(((true - mean) / std) ** 2) / 2) / (np.sqrt(2 * np.pi) * std)
-        taken = scipy.special.ndtr((room - true) / u) - scipy.special.ndtr((-room - true) / u)
+        taken = scipy.special.ndtr((room - error - true) / u) - scipy.special.ndtr((-room - error - true) / u)
         return float((weight * density * (taken if accepted else 1 - taken)).sum() * (high - low) / 2)
 
     # Where the rule decides, the integrand is steep: the acceptance limits are edges, too.
-    edges = sorted({-limit, -room, 0.0, room, limit})
-    rejected = sum(share(low, high, accepted=False) for low, high in pairwise(edges))
-    return share(-np.inf, -limit, accepted=True) + share(limit, np.inf, accepted=True), rejected
+    ends = mean - SPAN * std, mean + SPAN * std
+    edges = sorted({min(max(e, ends[0]), ends[1]) for e in (*ends, -limit, limit, -room - error, room - error, -error)})
+    pieces = [(low, high, abs(low + high) / 2 < limit) for low, high in pairwise(edges)]
+    wrong = sum(share(low, high, accepted=True) for low, high, good in pieces if not good)
+    return wrong, sum(share(low, high, accepted=False) for low, high, good in pieces if good)

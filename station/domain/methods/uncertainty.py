@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -18,7 +19,7 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 4
+RULES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,8 +107,9 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
         SCATTER: visit.covariance + pose.covariance,
     }
     # A coefficient that the method takes for granted has no uncertainty of its own: its error is in the others.
-    parts = {cause: part * fit.free[:, None] * fit.free for cause, part in parts.items()}
-    total = np.sum(list(parts.values()), axis=0)
+    if not fit.free.all():
+        parts = {cause: part * fit.free[:, None] * fit.free for cause, part in parts.items()}
+    total = reduce(np.add, parts.values())
     total = (total + total.transpose(0, 2, 1)) / 2
     dofs = {"noise": _dof_of_noise(problem), SCATTER: _together(visit, pose), "position": pose_dof}
     if recipe.reproducibility is not None:

@@ -9,6 +9,10 @@ from station.domain.noise.dwell_statistics import DwellStatistics
 
 #: Share of the scatter of coarse readings that counts as evidence of noise beneath.
 SAFE_SHARE = 0.85
+#: From so many dwells on one axis' noise is told from the others'.
+MANY_DWELLS = 12
+#: The noisiest axis of a sensor over the usual one: an upright axis of data sheets has up to a fifth more.
+AXES_APART = 1.2
 #: Differences of a quantised axis are whole steps to within this share of one.
 WHOLE = 0.02
 
@@ -55,13 +59,20 @@ def noise_under(step: Floats, std: Floats) -> Floats:
 
     Over all places between two steps a dwell's variance is σ² + step²/12 − rounding_variance(σ) in the mean: what of
     the rounding does not stay in the mean scatters about it. Far above the step that is Sheppard's correction.
+
+    Dwells of an axis that lie on an edge by chance look like more noise, which would dither their rounding away. The
+    axes of a sensor are about as noisy: of those that change none counts as noisier than AXES_APART times their median.
+    Of a few dwells the median is no better a guess than each, and there residuals widen U far more.
     """
     square, step = (std**2).mean(axis=0), np.broadcast_to(np.asarray(step, float), np.shape(std)[1:])
     coarse = (step > 0) & (square < step**2)
     # Few readings cross a step: less noise than they seem to show leaves more of the rounding.
     ratio = SAFE_SHARE * square / np.where(coarse, step, 1.0) ** 2
     fine = np.sqrt(np.maximum(square - step**2 / 12, 0.0))
-    return np.asarray(np.where(coarse, step * np.interp(ratio, *_noise_by_variance()), fine))
+    found = np.where(coarse, step * np.interp(ratio, *_noise_by_variance()), fine)
+    if len(std) < MANY_DWELLS or not found.any():
+        return np.asarray(found)
+    return np.asarray(np.where(coarse, np.minimum(found, AXES_APART * np.median(found[found > 0])), found))
 
 
 @lru_cache(maxsize=1)

@@ -1,0 +1,65 @@
+"""Coverage where the rig is off: nest, base, poses, gravity, stated or not, and after units in the log."""
+
+import numpy as np
+from metrology_rows.bench import FLOOR, NARROW, Bench
+from metrology_rows.designs import DEG, MEAN_NOISE, recipe
+from metrology_rows.report import Report
+from metrology_rows.risks import past
+
+from station.domain.line_quality import history
+
+
+def white(units: int, report: Report) -> None:
+    """Nothing but white noise, everything else stated as nothing."""
+    for design in ("six", "n18", "norm", "three"):
+        bench = Bench(recipe(design, {"pose_std_deg": 0} if design == "three" else {}), units, report, 10)
+        if design == "three":
+            bench.matrix = bench.matrix * np.eye(3)
+            bench.recipe = recipe(design, {"pose_std_deg": 0}, device={"rounding": "nearest", "cross_std": 0})
+        bench.coverage(f"white noise, {design}", bench.readings(bench.truth()), (0.94, 0.975))
+
+
+def tilts(units: int, report: Report) -> None:
+    """Nest and base off by 0.1°, stated as such."""
+    for design in ("six", "n18", "norm"):
+        for name in ("nest", "base", "nest and base"):
+            stated = {f"{part}_std_deg": 0.1 for part in ("nest", "base") if part in name}
+            bench = Bench(recipe(design, stated), units, report, 20)
+            size = {part: 0.1 * DEG for part in ("nest", "base") if part in name}
+            bench.coverage(f"{name} tilt 0.1° stated, {design}", bench.readings(bench.truth(**size)), NARROW)
+
+
+def taught(units: int, report: Report) -> None:
+    """Six faces where the log has 100 units of the kind: what their residuals were narrows U."""
+    angle = 0.1 * DEG
+    for seed in (25, 26):
+        for name, stated, size in (
+            ("white noise", {}, {}),
+            ("nest tilt 0.1° stated", {"nest_std_deg": 0.1}, {"nest": angle}),
+            ("base tilt 0.1° stated", {"base_std_deg": 0.1}, {"base": angle}),
+            ("poses 2 × noise of a mean", {}, {"pose": 2 * MEAN_NOISE}),
+        ):
+            of = recipe("six", stated)
+            first = Bench(of, 100, report, seed + 1000)
+            earlier = enumerate(first.results(first.readings(first.truth(**size))))
+            known = history.learn_history([past(r, i) for i, r in earlier], np.ones(12, bool), ())
+            bench = Bench(known.applied(of), units, report, seed)
+            goal = FLOOR if "pose" in size else NARROW
+            bench.coverage(f"{name}, six, after 100 units", bench.readings(bench.truth(**size)), goal)
+
+
+def poses(units: int, report: Report) -> None:
+    """Poses off by what nobody stated."""
+    for design in ("six", "n18", "norm"):
+        for factor in (1, 2, 3):
+            bench = Bench(recipe(design), units, report, 30 + factor)
+            true = bench.truth(pose=factor * MEAN_NOISE)
+            bench.coverage(f"poses {factor} × noise of a mean, {design}", bench.readings(true), FLOOR)
+    bench = Bench(recipe("n18", {"pose_std_deg": 1.0}), units, report, 39)
+    bench.coverage("poses 1° stated, n18", bench.readings(bench.truth(pose=DEG)), NARROW)
+
+
+def sites(units: int, report: Report) -> None:
+    """Gravity of the equator under a recipe that says nothing of its site."""
+    bench = Bench(recipe("six", {"magnitude_std": None}), units, report, 70)
+    bench.coverage("equator, site not stated, six", bench.readings(bench.truth(size=0.997316)), FLOOR)
