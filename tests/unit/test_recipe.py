@@ -55,6 +55,7 @@ def test_motors_off_survives_the_boolean_that_yaml_makes_of_it() -> None:
     ("changes", "words"),
     [
         ({"positions": []}, "positions are missing"),
+        ({"reference": {"source": "gravity", "site": {"latitude_deg": 45}}}, "site needs altitude_m"),
         ({"positions": [{"name": "a", "up": "+x"}, {"name": "a", "up": "-x"}]}, "listed twice"),
         ({"positions": [{"name": "a", "quaternion": [1, 1, 0, 0]}]}, "not a rotation"),
         ({"positions": [{"name": "a"}]}, "has no orientation"),

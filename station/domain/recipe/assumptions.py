@@ -26,6 +26,8 @@ POSE_DEG = 10 / 60 / 3**0.5
 MIN_RESIDUAL_DOF = 3
 #: Sensitivity and cross-axis sensitivity as data sheets of MEMS sensors usually bound them.
 GAIN, CROSS = 0.01, 0.01
+#: Rate that a MEMS gyroscope shows for 1 g, in deg/s, as its data sheets usually bound it.
+G_SENSITIVITY = 0.1
 #: IEC 60751, class B, about room temperature.
 THERMOMETER_DEGC = 0.4 / 3**0.5
 #: Of a gold reference whose certificate's values were not entered: share of the stimulus.
@@ -86,6 +88,16 @@ def unestimated_std(recipe: Recipe) -> Floats:
     return np.asarray(np.r_[np.zeros(3), np.where(np.eye(3, dtype=bool), gain, cross).ravel()])
 
 
+def g_sensitivity(recipe: Recipe) -> float:
+    """What a gyroscope shows for 1 g, in the recipe's unit, on any axis."""
+    return _stated_or(recipe.device.g_sensitivity, G_SENSITIVITY)
+
+
+def tempcos(recipe: Recipe) -> tuple[float, float]:
+    """Temperature coefficients of offset (unit/°C) and gain (1/°C); left out, the result holds at its temperature."""
+    return _stated_or(recipe.device.offset_tempco, 0.0), _stated_or(recipe.device.gain_tempco, 0.0)
+
+
 def thermometer_degC(recipe: Recipe) -> float:
     """Standard uncertainty of the temperature at which the coefficients hold."""
     return _stated_or(recipe.reference.thermometer_std_degC, THERMOMETER_DEGC)
@@ -113,7 +125,15 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
             found.append(_of("device.gain_std", device.gain_std, GAIN, "1", Message("assumed-gain")))
         found.append(_of("device.cross_std", device.cross_std, CROSS, "1", Message("assumed-cross")))
     found.append(_of("device.turn_on_std", device.turn_on_std, 0.0, recipe.unit, Message("assumed-turn-on")))
-    if device.offset_tempco or device.gain_tempco:
+    if recipe.feels_rotation and r.source != "gold":
+        sensitivity, own_unit = device.g_sensitivity, f"{recipe.unit}/g"
+        found.append(
+            _of("device.g_sensitivity", sensitivity, G_SENSITIVITY, own_unit, Message("assumed-g-sensitivity"))
+        )
+    source, own_unit = Message("assumed-tempco"), f"{recipe.unit}/degC"
+    found.append(_of("device.offset_tempco", device.offset_tempco, 0.0, own_unit, source))
+    found.append(_of("device.gain_tempco", device.gain_tempco, 0.0, "1/degC", source))
+    if any(tempcos(recipe)):
         key, own = "reference.thermometer_std_degC", r.thermometer_std_degC
         found.append(_of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer")))
     return tuple(found)

@@ -46,9 +46,9 @@ class DeviceSheet(StrictModel):
     full_scale: Positive | None = None
     noise_density: NotNegative | None = None
     counter_bits: Annotated[int, Field(ge=1, le=32)] = 8
-    offset_tempco: NotNegative = 0.0
-    gain_tempco: NotNegative = 0.0
-    g_sensitivity: NotNegative = 0.0
+    offset_tempco: NotNegative | None = None
+    gain_tempco: NotNegative | None = None
+    g_sensitivity: NotNegative | None = None
     gain_std: NotNegative | None = None
     cross_std: NotNegative | None = None
     turn_on_std: NotNegative | None = None
@@ -96,7 +96,8 @@ class Process(StrictModel):
     """What the process makes: mean and standard deviation of the deviation from nominal, by kind of coefficient, or for
     each of the twelve (offset x y z, then the matrix row by row; null where nothing is known), which goes first.
 
-    of_results: they are of this station's results, which share its systematic errors, and not of true values.
+    of_results: they are of this station's results, which share its systematic errors, and not of true values. units: so
+    many, whose mean then says something of the error of gravity, field or rate; left out: nothing.
     """
 
     offset: tuple[Finite, Positive] | None = None
@@ -104,6 +105,7 @@ class Process(StrictModel):
     cross_axis: tuple[Finite, Positive] | None = None
     each: Annotated[tuple[tuple[Finite, Positive] | None, ...], Field(min_length=12, max_length=12)] | None = None
     of_results: bool = False
+    units: Annotated[int, Field(ge=2)] | None = None
 
 
 class Limits(StrictModel):

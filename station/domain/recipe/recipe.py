@@ -93,12 +93,17 @@ class Recipe(StrictModel):
         While the nest turns, what lies across its axis goes round and averages out over whole turns.
         """
         site = self.reference.site
-        if site is None or not self._sensor_kind.feels_earth_rate:
+        if site is None or not self.feels_rotation:
             return np.zeros(3)
         earth = position.matrix().T @ gravity.earth_rate(site.latitude_deg, site.heading_deg)
         axis = np.array(position.rate or (0.0, 0.0, 0.0), float)
         speed = float(np.linalg.norm(axis))
         return np.asarray(earth if speed == 0 else axis * (axis @ earth) / speed**2)
+
+    @property
+    def feels_rotation(self) -> bool:
+        """Whether the sensor measures turning, so that what it shows of gravity is an error."""
+        return bool(self._sensor_kind.feels_earth_rate)
 
     @property
     def axes(self) -> int:

@@ -113,6 +113,8 @@ class Reference(StrictModel):
             raise InvalidValue("source-field-incomplete")
         if self.site is not None and self.source == "field":
             raise InvalidValue("site-with-field")
+        if self.site is not None and self.source == "gravity" and "altitude_m" not in self.site.model_fields_set:
+            raise InvalidValue("site-without-altitude")
         if self.gravimeter is not None and (self.source != "gravity" or self.site is not None):
             raise InvalidValue("gravimeter-elsewhere")
         return self

@@ -66,7 +66,7 @@ class Gyroscope:
     @staticmethod
     def _gravity(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """Each axis may feel gravity along each axis: nine patterns."""
-        up = np.array([0.0, 0.0, recipe.device.g_sensitivity])
+        up = np.array([0.0, 0.0, assumptions.g_sensitivity(recipe)])
         pull = np.array(
             [(recipe.position(p).matrix() @ recipe.seating(s)).T @ up for p, s in zip(position, seating, strict=True)]
         )
