@@ -10,13 +10,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from station import __version__
 from station.cli import _output
 from station.cli._log_options import open_named_log
 from station.config.settings import load_settings
 from station.domain.core.types import Outcome
+from station.domain.records.issued_certificate import IssuedFile, digest_of
 from station.errors import LogError, ReferenceOverdue, UsageError
 from station.files.replace import replacing
-from station.messages import system_reason
+from station.messages import render, system_reason
 from station.ports.log_reader import Query
 from station.reporting.certificate import dcc, document, facts, signature, wsjf
 from station.reporting.certificate.issuer import Issuer
@@ -25,6 +27,7 @@ from station.reporting.words import words_of
 from station.service.golden_register import refuse_clock_behind
 from station.service.recompute import parse_recipe_and_product
 from station.service.witnessed import newest_receipt
+from station.wiring.issuing import seal_issued
 
 if TYPE_CHECKING:
     from station.ports.log_reader import Attempt, LogReader
@@ -61,23 +64,31 @@ def write_certificate(
         stored = log.attempt(chosen)
         facts.require_certifiable(stored)
         recipe, product, _ = parse_recipe_and_product(*log.recipe_and_product(chosen))
+        location = log.location
         head, receipt = log.head(), newest_receipt(log)
     today = datetime.now(UTC).date().isoformat()
     if late := facts.overdue(recipe, stored["started"]):
         raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
-    issuer = Issuer.of(load_settings(config).certificate.document())
+    settings = load_settings(config)
+    issuer = Issuer.of(settings.certificate.document())
     found = facts.of_attempt(stored, recipe, head, issuer, today, receipt, product.map)
     made = document.build(stored, recipe, head, words_of(files.language), issuer, today, receipt, product.map)
-    wanted: list[tuple[Path | None, Callable[[], bytes]]] = [
-        (files.pdf, lambda: pdf(made)),
-        (files.xml, lambda: _xml(found, files)),
-        (files.json, lambda: _json(found)),
-        (files.wsjf, lambda: _json(wsjf.to_wsjf(found))),
+    wanted: list[tuple[str, Path | None, Callable[[], bytes]]] = [
+        ("pdf", files.pdf, lambda: pdf(made)),
+        ("xml", files.xml, lambda: _xml(found, files)),
+        ("json", files.json, lambda: _json(found)),
+        ("wsjf", files.wsjf, lambda: _json(wsjf.to_wsjf(found))),
     ]
     # Made before the first is written: where one cannot be made, none is there.
-    for path, content in [(path, make()) for path, make in wanted if path is not None]:
+    contents = [(kind, path, make()) for kind, path, make in wanted if path is not None]
+    for _, path, content in contents:
         _write(path, content)
         _output.print_line(str(path))
+    issued = [
+        IssuedFile(found["number"], kind, digest_of(content), today, __version__) for kind, _, content in contents
+    ]
+    if (unsealed := seal_issued(location, settings, chosen.attempt, issued)) is not None:
+        _output.print_remark(render(unsealed))
     return 0
 
 

@@ -45,8 +45,12 @@ def check_file(path: Path, db: Path | None, config: Path | None, key: Path | Non
         hash=issue.head.hash,
     )
     _output.print_message(whole)
+    for message in checked.remarks:
+        _output.print_message(message)
     if witnessed is not None:
         _output.print_message(witnessed)
+    if checked.sealed:
+        return 0
     named = {"laboratory": issuer.laboratory.name, "customer": issuer.customer.name, "signatory": issuer.signatory}
     shown = {name: text or "–" for name, text in named.items()}
     _output.print_message(Message("certificate-check-beside", issued=issue.issued, **shown))

@@ -1,7 +1,8 @@
-"""A certificate's file against the log: made again from the log's own records, and compared.
+"""A certificate's file against the log: known by its SHA-256, or made again from the log's own records, and compared.
 
 A file is made of its attempt, the log's head and the witness' countersignature of that day, and of what no log knows:
-date, laboratory, customer, signatory. Head and countersignature must be the log's; then the whole file is made anew.
+date, laboratory, customer, signatory. Head and countersignature must be the log's. Bytes that the log sealed when they
+were issued are good, whatever another version of the program makes of the same records; what differs is a remark then.
 """
 
 import json
@@ -11,11 +12,13 @@ from itertools import zip_longest
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from station import __version__
+from station.domain.records.issued_certificate import IssuedFile, digest_of, issued_files
 from station.domain.records.tree_head import WITNESSED_EVENT
 from station.errors import StationError, UsageError
 from station.files.json_text import NOT_AS_EXPECTED, parse_json
-from station.messages import Message
-from station.ports.log_reader import LogReader, Query, Trust
+from station.messages import Message, Value
+from station.ports.log_reader import Attempt, LogReader, Query, Trust
 from station.ports.store import LogHead
 from station.reporting.certificate import dcc, document, facts
 from station.reporting.certificate.issue import CertificateIssue, find_mark, of_facts
@@ -27,16 +30,23 @@ from station.service.recompute import parse_recipe_and_product
 _MOST_LISTED = 20
 #: More countersignatures than any log holds.
 _ALL = 1 << 40
+#: Most characters of a place that are shown.
+_MOST_PLACE = 120
+_FORMATS = {"pdf": "PDF", "xml": "DCC", "json": "JSON", "wsjf": "WSJF"}
 _SIGNATURE = "{http://www.w3.org/2000/09/xmldsig#}Signature"
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedCertificate:
-    """kind: json, xml or pdf; issue: what the file says that it was made with; findings: what is wrong, or nothing."""
+    """kind: json, xml or pdf; issue: what the file says that it was made with; findings: what is wrong, or nothing;
+    remarks: that the log sealed this file or others, and what this version would make otherwise; sealed: the log has
+    its SHA-256, so that nothing in it is the file's own word."""
 
     kind: str
     issue: CertificateIssue
     findings: tuple[Message, ...]
+    remarks: tuple[Message, ...] = ()
+    sealed: bool = False
 
 
 def check_certificate(data: bytes, file: str, log: LogReader, trust: Trust) -> CheckedCertificate:
@@ -47,13 +57,44 @@ def check_certificate(data: bytes, file: str, log: LogReader, trust: Trust) -> C
     kind, issue = _recognise(data, file)
     broken = [f.message for f in log.findings(_with_head(trust, issue.head), lambda _: None)]
     if broken:
-        count = len(broken)
-        return CheckedCertificate(kind, issue, (Message("certificate-check-log", count=count), *broken[:_MOST_LISTED]))
-    found = [*_witness(log, issue), *_content(data, kind, log, issue)]
-    listed = found[:_MOST_LISTED]
-    if len(found) > len(listed):
-        listed.append(Message("certificate-check-more", count=len(found) - len(listed)))
-    return CheckedCertificate(kind, issue, tuple(listed))
+        return CheckedCertificate(kind, issue, (Message("certificate-check-log", count=len(broken)), *_listed(broken)))
+    found = list(_witness(log, issue))
+    attempt = _attempt(log, issue)
+    if attempt is None:
+        unknown = Message("certificate-check-attempt", attempt=issue.attempt[:40], serial=issue.serial[:64])
+        return CheckedCertificate(kind, issue, (*found, unknown))
+    stored = log.attempt(attempt)
+    known = [(record, one) for record, one in issued_files(stored) if one.format == kind]
+    differs = list(_content(data, kind, issue, stored, log.recipe_and_product(attempt)))
+    sealed = next(((record, one) for record, one in known if one.sha256 == digest_of(data)), None)
+    if sealed is not None:
+        return CheckedCertificate(kind, issue, tuple(found), tuple(_issued(*sealed, differs)), sealed=True)
+    others: dict[str, Value] = {"count": len(known), "format": _FORMATS[kind]}
+    if known and not differs:
+        return CheckedCertificate(kind, issue, tuple(found), (Message("certificate-check-other-copy", **others),))
+    if known:
+        found.append(Message("certificate-check-not-issued", **others))
+    return CheckedCertificate(kind, issue, tuple(_listed([*found, *differs])))
+
+
+def _listed(found: Sequence[Message]) -> list[Message]:
+    """The first ones, and how many more."""
+    rest = len(found) - _MOST_LISTED
+    return [*found[:_MOST_LISTED], *([Message("certificate-check-more", count=rest)] if rest > 0 else [])]
+
+
+def _attempt(log: LogReader, issue: CertificateIssue) -> Attempt | None:
+    """The certificate's; None where the log has none such."""
+    return next((a for a in log.attempts(Query(serial=issue.serial)) if a.attempt == issue.attempt), None)
+
+
+def _issued(record: int, file: IssuedFile, differs: Sequence[Message]) -> Iterator[Message]:
+    """That the file was issued so, and what this version makes of the same records."""
+    made: dict[str, Value] = {"format": _FORMATS[file.format], "issued": file.issued, "software": file.software}
+    yield Message("certificate-check-issued", **made, number=record)
+    if differs:
+        yield Message("certificate-check-remade", software=__version__, count=len(differs))
+        yield differs[0]
 
 
 def _recognise(data: bytes, file: str) -> tuple[str, CertificateIssue]:
@@ -96,17 +137,14 @@ def _witness(log: LogReader, issue: CertificateIssue) -> Iterator[Message]:
         yield Message("certificate-check-witness", number=events[-1].number if events else 0)
 
 
-def _content(data: bytes, kind: str, log: LogReader, issue: CertificateIssue) -> Iterator[Message]:
-    """What differs from the certificate that the log makes."""
-    chosen = [a for a in log.attempts(Query(serial=issue.serial)) if a.attempt == issue.attempt]
-    if not chosen:
-        yield Message("certificate-check-attempt", attempt=issue.attempt[:40], serial=issue.serial[:64])
-        return
-    stored = log.attempt(chosen[0])
+def _content(
+    data: bytes, kind: str, issue: CertificateIssue, stored: Mapping[str, Any], texts: tuple[str, str]
+) -> Iterator[Message]:
+    """What differs from the certificate that the log makes. texts: recipe and product as used."""
     facts.require_certifiable(stored)
     # Signatures of later are not on it.
     stored = {**stored, "events": [e for e in stored["events"] if e["record"] <= issue.head.number]}
-    recipe, product, _ = parse_recipe_and_product(*log.recipe_and_product(chosen[0]))
+    recipe, product, _ = parse_recipe_and_product(*texts)
     beside = (issue.issuer, issue.issued, issue.receipt, product.map)
     if kind == "pdf":
         made = document.build(stored, recipe, issue.head, words_of(issue.language), *beside)
@@ -118,8 +156,7 @@ def _content(data: bytes, kind: str, log: LogReader, issue: CertificateIssue) ->
         rebuilt = json.loads(json.dumps(found))
         yield from _differences(dict(_leaves(_parse_once(data))), dict(_leaves(rebuilt)))
     else:
-        texts = [_texts(xml) for xml in (data, dcc.to_xml(found, issue.dcc_version))]
-        yield from _xml_differences(*texts)
+        yield from _xml_differences(_texts(data), _texts(dcc.to_xml(found, issue.dcc_version)))
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
@@ -167,4 +204,6 @@ def _shown(text: str) -> str:
 
 
 def _differs(where: str, stated: str, known: str) -> Message:
-    return Message("certificate-check-differs", where=where[-120:], stated=stated[:80], known=known[:80])
+    if len(where) > _MOST_PLACE:
+        where = "…/" + where[-_MOST_PLACE:].partition("/")[2]
+    return Message("certificate-check-differs", where=where, stated=stated[:80], known=known[:80])

@@ -14,9 +14,9 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from station.cli.app import main
 from station.reporting.certificate import dcc
 from station.reporting.certificate.dcc_elements import DCC
+from tests.fakes.command import station
 
 CONFIG = """schema: station.config/1
 nests: [{name: A, node: 17}]
@@ -25,12 +25,6 @@ certificate:
   customer: {name: Customer & Sons, city: Zug, country: CH}
   signatory: A. Metrologist
 """
-
-
-def station(*words: str) -> int | str | None:
-    with pytest.raises(SystemExit) as ended:
-        main(list(words))
-    return ended.value.code
 
 
 @pytest.fixture(scope="module")

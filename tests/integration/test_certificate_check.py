@@ -225,7 +225,7 @@ def test_a_log_that_was_edited_vouches_for_nothing(
         db.execute("UPDATE result SET document = '{}' WHERE name = 'verdict'")
     for name in ("c.pdf", "c.xml", "c.json"):
         code, shown = check(folder / name, capsys)
-        assert (code, "nothing on it is vouched for" in shown) == (2, True), shown
+        assert (code, "Nothing on the certificate is vouched for" in shown) == (2, True), shown
 
 
 @pytest.mark.parametrize("words", [["SN0001", "--check", "c.pdf"], ["--check", "c.pdf", "--xml", "d.xml"], []])

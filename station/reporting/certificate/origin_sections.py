@@ -8,12 +8,18 @@ from station.domain.recipe import assumptions
 from station.domain.recipe.assumptions import Assumption
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
+from station.messages import Message
 from station.reporting.certificate.issuer import Party
 from station.reporting.certificate.writer import CertificateTable, Rows, SectionWriter
 from station.reporting.number_text import format_number, format_time, written_unit
 
 _TRACEABILITY = ("reference", "number", "due", "issuer")
 _ASSUMPTIONS = ("contribution", "std", "source")
+#: What the log did not teach, without what the laboratory may do about it.
+_TO_CUSTOMERS = {
+    "history-no-process": Message("certificate-no-process"),
+    "history-no-reproducibility": Message("certificate-no-reproducibility"),
+}
 #: What says how well the size of the stimulus is known.
 _MAGNITUDE = ("reference.site", "reference.gravimeter", "reference.magnitude_std")
 
@@ -27,7 +33,7 @@ def issue(w: SectionWriter, content: Mapping[str, Any]) -> CertificateTable:
         "laboratory": _named(issuer["laboratory"]),
         "customer": _named(issuer["customer"]),
         "signatory": issuer["signatory"],
-        "method": f"{method['name']}; {method['recipe']}, {w('version')} {method['version']}",
+        "method": f"{method['name']}; {w('recipe')} {method['recipe']}, {w('version')} {method['version']}",
     }
     listed = tuple((w.say(f"certificate-{key}"), str(value) or missing) for key, value in rows.items())
     return w.table("certificate-issue", (), listed)
@@ -72,7 +78,7 @@ def _traceability(content: Mapping[str, Any]) -> Rows:
 
 def _assumptions(w: SectionWriter, recipe: Recipe, known: History) -> Rows:
     keys = ("limits.process", "reproducibility", "residuals")
-    learnt = known.messages(known.applied(recipe))
+    learnt = [_TO_CUSTOMERS.get(message.id, message) for message in known.messages(known.applied(recipe))]
     return (
         *((a.key, _standard(a), w.render(a.source)) for a in assumptions.listing(recipe)),
         *((key, "–", w.render(message)) for key, message in zip(keys, learnt, strict=False)),

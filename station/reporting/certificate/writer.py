@@ -11,7 +11,7 @@ Rows = tuple[tuple[str, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class CertificateTable:
-    """A titled table."""
+    """A titled table; one without heads has a label in front of each row."""
 
     title: str
     columns: tuple[str, ...]
@@ -36,8 +36,13 @@ class SectionWriter:
         """A table whose title and heads stand in the catalogues; a head that does not is shown as it is."""
         known = templates("en")
         heads = [self.say(f"head-{c}") if f"head-{c}" in known else self.term(c) for c in columns]
-        return CertificateTable(self.say(title), tuple(heads), rows)
+        return CertificateTable(self.say(title), tuple(heads), rows if heads else _labelled(rows))
 
     def section(self, title: str, columns: Sequence[str], rows: Rows) -> CertificateTable:
         """A table whose title is the text `TITLE`, with its heads as they are."""
-        return CertificateTable(self.texts[title], tuple(columns), rows)
+        return CertificateTable(self.texts[title], tuple(columns), rows if columns else _labelled(rows))
+
+
+def _labelled(rows: Rows) -> Rows:
+    """Labels begin with a capital."""
+    return tuple((label[:1].upper() + label[1:], *values) for label, *values in rows)

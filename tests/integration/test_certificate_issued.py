@@ -1,0 +1,109 @@
+"""Certificates as issued: the log holds their SHA-256, so that another version's wording does not make them false."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from station.adapters.store.sqlite import SqliteStore
+from station.cli.app import run_command
+from station.domain.records.issued_certificate import IssuedFile, digest_of, issued_files
+from station.panel_protocol.sealing_socket import taking_requests
+from station.ports.log_reader import Query
+from station.service.certificates import seal_issued_files
+from station.wiring.logs import open_log
+from tests.fakes import fixture_run
+
+CONFIG = "schema: station.config/1\nnests: [{name: A, node: 17}]\n"
+
+
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An unsigned log of one unit."""
+    folder = tmp_path_factory.mktemp("issued")
+    (folder / "config.yaml").write_text(CONFIG)
+    fixture_run.run(folder, ["SN0001"], config=folder / "config.yaml")
+    return folder
+
+
+@pytest.fixture
+def folder(logged: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A copy of its own for each test, as working directory."""
+    own = Path(shutil.copytree(logged, tmp_path / "own"))
+    monkeypatch.chdir(own)
+    yield own
+
+
+def known(database: Path) -> list[tuple[int, IssuedFile]]:
+    with open_log(database) as log:
+        return issued_files(log.attempt(log.attempts(Query(serial="SN0001"))[0]))
+
+
+def issue(*words: str) -> None:
+    assert run_command(["certificate", "SN0001", *words, "--db", "station.db"]) == 0
+
+
+def check(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    capsys.readouterr()
+    code = run_command(["certificate", "--check", name, "--db", "station.db"])
+    return code, capsys.readouterr().out
+
+
+def test_every_file_is_sealed_with_number_format_and_hash(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    issue("--pdf", "c.pdf", "--xml", "c.xml", "--json", "c.json", "--wsjf", "c.wsjf")
+    facts = json.loads((folder / "c.json").read_text())
+    found = known(folder / "station.db")
+    assert [(f.format, f.number, f.sha256) for _, f in found] == [
+        (kind, facts["number"], digest_of((folder / f"c.{kind}").read_bytes()))
+        for kind in ("pdf", "xml", "json", "wsjf")
+    ]
+    for kind, name in {"pdf": "PDF", "xml": "DCC", "json": "JSON"}.items():
+        code, shown = check(f"c.{kind}", capsys)
+        assert (code, f"the {name} that was issued" in shown, "otherwise" in shown) == (0, True, False), shown
+        assert "compare it yourself" not in shown, "the log has its bytes, date and laboratory with them"
+
+
+def test_what_an_earlier_version_issued_stays_good(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An earlier version had other words: its file is not what this version makes, but the log knows it."""
+    issue("--json", "new.json", "--xml", "new.xml")
+    document = json.loads((folder / "new.json").read_text())
+    document["statement"] = "As it was worded once."
+    old = json.dumps(document).encode()
+    (folder / "old.json").write_bytes(old)
+    code, shown = check("old.json", capsys)
+    assert (code, "holds 1 JSON file as issued" in shown, "statement: the certificate says" in shown) == (2, True, True)
+    sealed = {"number": document["number"], "format": "json", "sha256": digest_of(old), "issued": "2026-01-02"}
+    with SqliteStore(folder / "station.db", "station-1") as store:
+        seal_issued_files(store, document["log"]["attempt"], [{**sealed, "software": "0.1.0"}])
+    code, shown = check("old.json", capsys)
+    assert (code, "issued on 2026-01-02 by version 0.1.0" in shown) == (0, True), shown
+    assert "writes it otherwise in 1 place" in shown
+    (folder / "old.json").write_bytes(old.replace(b"PASS", b"FAIL"))
+    assert check("old.json", capsys)[0] == 2
+
+
+def test_a_run_that_holds_the_log_seals_what_is_issued_meanwhile(folder: Path) -> None:
+    with SqliteStore(folder / "station.db", "station-1") as store, taking_requests(store, folder / "station.db"):
+        issue("--json", "c.json")
+    assert [f.sha256 for _, f in known(folder / "station.db")] == [digest_of((folder / "c.json").read_bytes())]
+
+
+def test_a_log_that_takes_nothing_still_gives_certificates(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Somebody else has it open and seals nothing for others: the file is written, and why it is not sealed is said."""
+    with SqliteStore(folder / "station.db", "station-1"):
+        issue("--json", "c.json")
+    assert "does not hold the SHA-256 of these files" in capsys.readouterr().err
+    assert known(folder / "station.db") == []
+    assert check("c.json", capsys)[0] == 0
+
+
+def test_another_copy_than_the_issued_ones_is_named_as_such(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its contents are the log's, its date and laboratory are its own word."""
+    issue("--xml", "c.xml")
+    with SqliteStore(folder / "station.db", "station-1"):
+        issue("--xml", "other.xml")
+    code, shown = check("other.xml", capsys)
+    assert (code, "holds 1 DCC file as issued for this attempt; this is another one" in shown) == (0, True), shown
+    assert "compare it yourself" in shown
