@@ -1,6 +1,6 @@
 """Every cause that the simulation can switch on is found again: blind, at its usual size, or it is known to hide.
 
-Made by `station simulate`'s own physics, sample by sample. Every run tries each sixth cause; `make test ALL=1` and
+Made by `station simulate`'s own physics, sample by sample. Every run tries each ninth cause; `make test ALL=1` and
 `make blind` try all, a new effect file among them.
 """
 
@@ -24,7 +24,7 @@ SHEET = {"quantization", "stuck-bit", "clock-error"}
 EFFECTS = plugins.names("station.model.effects")
 
 
-@pytest.mark.parametrize("name", portion({*EFFECTS} - {*HIDDEN, *FLOOR_CAUSES}, 6))
+@pytest.mark.parametrize("name", portion({*EFFECTS} - {*HIDDEN, *FLOOR_CAUSES}, 9))
 def test_a_cause_is_found_at_its_usual_size(name: str) -> None:
     rate = {"rate_hz": 100.0} if name in (*SHEET, "motor-tone") else {}
     sheet = recipe().device.model_copy(update={"lsb": 3.8e-6, **rate})

@@ -82,7 +82,7 @@ def test_a_signature_is_bound_to_the_end_of_its_attempt(
     with SqliteLogReader(folder / "station.db") as log:
         printed = certificate_of(log, log.attempts(Query(serial="SN0001"))[0], language.words("en"))
     rows = [row for section in printed.sections for row in section.rows]
-    assert [row[1].partition(",")[0] for row in rows if row[0] == "released by"] == ["ada (engineer)"]
+    assert [row[1].partition(",")[0] for row in rows if row[0] == "Released by"] == ["ada (engineer)"]
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.reduce import mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
@@ -27,8 +28,8 @@ FACTORS = ("time", "temperature", "motor", "order", "input")
 KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)))
 #: The kernel of what changes within the dwells.
 MOVING_KERNEL = "dwell-phase"
-#: Range of temperature below which nothing can be laid to it, degC.
-MIN_TEMPERATURE_RANGE = 0.2
+#: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
+LAG, PLAY = 0.3, 0.4
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
 
@@ -113,6 +114,13 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
     # A bend or two of what a straight line leaves, or any curve.
     for degree in (3, 6):
         columns = _each_axis(legendre.legvander(_scaled(T), degree)[:, 1:])
+        for of in _levels(view, "unit", "common"):
+            yield _kernel("temperature", of, view, columns)
+    memory = TemperatureMemory.of(view.scene)
+    if memory is not None:
+        # What lags behind it, or is on another branch while it rises.
+        branches = [memory.branch(PLAY, start) for start in (-1.0, 1.0)]
+        columns = _each_axis(np.stack([(T - memory.lagged(LAG)) / memory.range_degC, *branches], axis=1))
         for of in _levels(view, "unit", "common"):
             yield _kernel("temperature", of, view, columns)
 

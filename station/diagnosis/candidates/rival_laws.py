@@ -7,12 +7,12 @@ What the library's causes do themselves is left out. These columns, like those o
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import chain, combinations
+from itertools import chain, combinations, product
 
 import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
-from station.diagnosis.candidates.kernels import MIN_TEMPERATURE_RANGE
+from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
@@ -30,6 +30,10 @@ MAX_LEVELS = 5
 KNEES = (0.2, 0.35, 0.5, 0.7)
 #: A step from the stop before that is taken up by play, as a share of the stimulus.
 PLAY = 0.3
+#: Lags behind the temperature, as shares of a run's duration, and plays in it, as shares of a run's range.
+LAGS, THERMAL_PLAYS = (0.1, 0.3, 1.0), (0.2, 0.5)
+#: The branch on which each run begins: fallen, in the middle, risen.
+BRANCHES = (-1.0, 0.0, 1.0)
 #: What the name of a law begins with; its covariates follow.
 PREFIX = "law:"
 
@@ -75,7 +79,8 @@ def _laws(view: ResidualView) -> Iterator[Law]:
     step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
     curves = dict(_curves(view))
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
-    yield from chain(_forms_of_input(a), _forms_of_step(a, step))
+    yield from _memories(view)
+    yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
 
 
 def _curves(view: ResidualView) -> Iterator[tuple[str, Curves]]:
@@ -128,6 +133,21 @@ def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
         yield f"{one}*{two}", (_each(x.plain * y.plain),)
 
 
+def _memories(view: ResidualView) -> Iterator[Law]:
+    """An offset on another branch while the temperature rises, alone or beside a straight line, or one that lags."""
+    memory = TemperatureMemory.of(view.scene)
+    if memory is None:
+        return
+    plain = _each(_centred(memory.temperature_degC))
+    for play, start in product(THERMAL_PLAYS, BRANCHES):
+        branch = _each(memory.branch(play, start))
+        yield "temperature", (branch,)
+        yield "temperature", (plain, branch)
+    for lag in LAGS:
+        behind = memory.temperature_degC - memory.lagged(lag)
+        yield "temperature", (plain, _each(behind / memory.range_degC))
+
+
 def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     """A gain that does; a gain straight with temperature is a cause of the library."""
     for name, of in curves.items():
@@ -150,6 +170,16 @@ def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     for name, of in curves.items():
         for x in (of.plain, of.switched[len(of.switched) // 2]):
             yield f"{name}*input", (_each(x) * np.roll(a, 1, axis=1), _each(x) * np.roll(a, 2, axis=1))
+
+
+def _products_of_axes(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
+    """What one axis takes of the size or the product of others, or of itself and another one, where it changes with a
+    covariate."""
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
+    for name, of in curves.items():
+        x = _each(of.plain)
+        forms = (a * one, a * two), (one * two,), (np.abs(one), np.abs(two))
+        yield from ((f"{name}*input", tuple(x * form for form in some)) for some in forms)
 
 
 def _forms_of_input(a: Floats) -> Iterator[Law]:

@@ -106,6 +106,13 @@ def tune_form(
     return candidate, tuple(found)
 
 
+def log_range(p: Parameter) -> tuple[float, float]:
+    """The logarithms between which a parameter of a form is looked for."""
+    if not p.grid:
+        return -3.0, 5.0
+    return float(np.log(0.5 * min(p.low, *p.grid))), float(np.log(2 * max(p.high, *p.grid)))
+
+
 def has_jump(effect: Effect | None) -> bool:
     """Whether a cause begins at some time within a run."""
     return effect is not None and any(p.name == "at" for p in effect.forms)
@@ -140,7 +147,7 @@ def _tune(
     start = getattr(candidate.effect, p.field)
     # A frequency beyond a tenth off would be another wave of the same blocks.
     gap = float(np.log(p.grid[1] / p.grid[0])) if len(p.grid) > 1 else 0.1
-    low, high = (np.log(0.5 * min(p.low, *p.grid)), np.log(2 * max(p.high, *p.grid))) if p.grid else (-3.0, 5.0)
+    low, high = log_range(p)
     for x in (0.0, -gap, gap):
         at(float(np.clip(np.log(start) + x, low, high)))
     for _ in range(10):
