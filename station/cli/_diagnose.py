@@ -86,6 +86,7 @@ def run_diagnose(
 def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What the preflight finds, units far from the others included, and the samples that it leaves."""
     found, cleaned = preflight.inspect(recipe, table)
+    preflight.check_orientations(recipe, found)
     return replace(found, remarks=(*found.remarks, *family.of_table(recipe, cleaned))), cleaned
 
 

@@ -67,6 +67,10 @@ def _size_under_vibration(w: World, rng: Scaled) -> Array:
     return w.motor[:, None] * np.abs(w.a)
 
 
+def _product_that_drifts(w: World, rng: Scaled) -> Array:
+    return w.a * np.roll(w.a, 1, axis=1) * (w.t / w.t.max())[:, None]
+
+
 def _temperature_on_crosstalk(w: World, rng: Scaled) -> Array:
     return (w.T - w.T.mean())[:, None] * np.roll(w.a, 1, axis=1)
 
@@ -97,6 +101,7 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "hysteresis that grows": ({"order", "time"}, per_unit(3e-4, _tired_with_moves)),
     "size under vibration": ({"motor", "input"}, per_unit(3e-4, _size_under_vibration)),
     "temperature on crosstalk": ({"temperature", "input"}, per_unit(3e-5, _temperature_on_crosstalk)),
+    "product of axes that drifts": ({"time", "input"}, per_unit(3e-4, _product_that_drifts)),
     "switch of temperature": ({"temperature"}, per_unit(3e-4, _hot_switch)),
     "switch of the drive": ({"motor"}, per_unit(3e-4, _driven_hard)),
     "gain that jumps": ({"time", "input"}, per_unit(3e-4, _gain_that_jumps)),

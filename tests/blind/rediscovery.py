@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery.discover import Discovery, ThresholdOf, discover
-from station.diagnosis.search.alarm import NullDistribution
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
@@ -43,15 +42,13 @@ FORMS: Mapping[str, Families] = {
 }
 
 
-def rediscover(
-    name: str, seed: int, null: NullDistribution | None, threshold_of: ThresholdOf | None = None
-) -> Discovery:
+def rediscover(name: str, seed: int, threshold_of: ThresholdOf | None = None) -> Discovery:
     """The formula found where a cause of the library acts at its usual size, and no cause is known."""
     kind = recipe()
     units = ("A", "B", "C", "D")
     table = simulate(SimulationJob(kind, units, seed, parse_effects((name,), kind))).table
     problem = initial_problem(reduce_samples(kind, table), FloorAllowance.of(kind, Model()))
-    return discover(problem, null, (), seed, threshold_of)
+    return discover(problem, None, seed, threshold_of)
 
 
 def is_rediscovered(name: str, found: Discovery) -> bool:

@@ -148,7 +148,7 @@ def test_more_rows_than_fit_are_refused_before_they_are_read(
     code, shown = diagnosed(path, capsys)
     assert code == 2
     assert "holds about 20" in shown
-    assert "the limit is 150. Diagnose some of the units" in shown
+    assert "the limit is 150: diagnose some of the units" in shown
 
 
 def test_a_gap_in_a_covariate_is_said(

@@ -9,18 +9,12 @@ import pytest
 import yaml
 
 from station.adapters.samples import read_samples
-from station.cli import app
 from station.config.recipes import load_recipe, recipe_path
 from station.domain.core.types import Floats
 from station.domain.evaluation import pipeline
+from tests.fakes.command import station
 
 pytestmark = pytest.mark.timeout(300)
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 def recipe_with(folder: Path, **limits: object) -> str:

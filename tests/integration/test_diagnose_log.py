@@ -9,16 +9,10 @@ from typing import Any
 import pytest
 import yaml
 
-from station.cli import app
 from station.config.recipes import recipe_path
+from tests.fakes.command import station
 
 pytestmark = pytest.mark.timeout(300)
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,11 @@ import pandas as pd
 import pytest
 import yaml
 
-from station.cli import app
 from station.config.recipes import recipe_path
+from tests.fakes.command import station
 from tests.portion import portion
 
 pytestmark = pytest.mark.timeout(300)
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 def once(folder: Path) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from station.adapters.samples import read_samples, write_samples
-from station.cli import _diagnose, app
+from station.cli import _diagnose
 from station.config.recipes import load_recipe
 from station.diagnosis.results.diagnose import Diagnosis, diagnose
 from station.diagnosis.results.diagnosis_document import document
@@ -19,15 +19,10 @@ from station.domain.core.types import Labels
 from station.model.model_file import Model
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.gather import report_data
+from tests.fakes.command import station
 
 pytestmark = pytest.mark.timeout(300)
 HOSTILE = "<script>alert('SN')</script>&\""
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.data.faults import matched_spectrum, motor_tone
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
-from station.diagnosis.search.cause_search import build_banks
+from station.diagnosis.search.candidate_banks import build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide

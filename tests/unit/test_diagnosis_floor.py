@@ -153,3 +153,16 @@ def test_each_axis_has_the_noise_of_its_samples(loud: float) -> None:
     assert share[2] / share[:2] == pytest.approx([loud, loud], rel=0.25)
     variance = problem.structure.visit_variance(np.array([1.0, 0.0, 0.0])).reshape(-1, 3)
     assert variance[:, 2] / variance[:, 0] == pytest.approx((share[2] / share[0]) ** 2 * np.ones(len(variance)))
+
+
+@pytest.mark.parametrize("scattered", [True, False])
+def test_a_visit_has_the_noise_of_its_samples_only_where_its_mean_scatters_with_it(scattered: bool) -> None:
+    made = simulate(SimulationJob(recipe(1), ("A", "B"), 4)).table
+    rng = np.random.default_rng(4)
+    of = np.cumsum(np.diff(made.visit, prepend=made.visit[0]) != 0)
+    shaken = 1e-3 * np.exp(rng.normal(0, 0.4, (of[-1] + 1, 3)))[of] * rng.standard_normal(made.reading.shape)
+    if not scattered:
+        # The same shaking, but it leaves every mean where it is.
+        shaken -= np.stack([np.bincount(of, column) / np.bincount(of) for column in shaken.T], axis=1)[of]
+    problem = initial_problem(reduce_samples(recipe(1), replace(made, reading=made.reading + shaken)), FloorAllowance())
+    assert np.any(problem.view.reduced.axis_excess != 1.0) == scattered

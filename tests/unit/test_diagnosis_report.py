@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from station.cli._diagnosis_page import html
+from station.diagnosis.results.smallest_effect import detectable_length
 from station.domain.core.types import Labels
 from station.reporting.diagnosis.cause_text import makes_testable
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
 from station.reporting.diagnosis.page import ReportPage, ReportSection, build_page
 from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
 from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size
-from station.reporting.diagnosis.smallest_effect import detectable_length
 
 PLACES = ("z-up", "x-up", "y-up", "z-down")
 

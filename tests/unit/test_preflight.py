@@ -149,6 +149,32 @@ def test_noise_without_a_stimulus_is_refused(rng: np.random.Generator) -> None:
     assert refused.value.message.id in ("noise-above-stimulus", "most-visits-move")
 
 
+def test_shuffled_rows_are_put_in_order_and_late_stamps_are_not(rng: np.random.Generator) -> None:
+    ordered = table(still(rng), 24)
+    found, stored = preflight.inspect(by_hand(), ordered[rng.permutation(2400)])
+    assert np.array_equal(stored.time_s, ordered.time_s)
+    assert np.array_equal(stored.reading, ordered.reading)
+    assert found.remarks == ()
+    late = ordered.time_s.copy()
+    late[50] += 0.05
+    _, stored = preflight.inspect(by_hand(), replace(ordered, time_s=late))
+    assert np.array_equal(stored.time_s, late)
+
+
+@pytest.mark.parametrize("poses", [4, 6, 7])
+def test_unknown_orientations_must_leave_something_beside_offset_and_gain(poses: int, rng: np.random.Generator) -> None:
+    """Four faces that are met six times each fit any offset and gain, whatever else is wrong."""
+    visits = np.repeat(np.resize(np.arange(24)[:: 24 // poses][:poses], 24), 100)
+    y = SPHERE[visits] + 0.001 * rng.standard_normal((2400, 3))
+    found, _ = preflight.inspect(by_hand(), table(y, 24))
+    if poses == 7:
+        preflight.check_orientations(by_hand(), found)
+        return
+    with pytest.raises(SamplesError, match=f"in {poses} orientations only"):
+        preflight.check_orientations(by_hand(), found)
+    preflight.check_orientations(by_hand(), replace(found, temperature_degC=(20.0, 40.0)))
+
+
 def test_an_axis_that_no_pose_turns_is_named(rng: np.random.Generator) -> None:
     flat = SPHERE * [1, 1, 0]
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)

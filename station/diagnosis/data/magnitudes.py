@@ -48,9 +48,7 @@ def with_directions(scene: Scene, true: Floats) -> Scene:
     """The scene with nests turned so that each part feels a vector (v, 3) of the direction given."""
     visits = scene.visits
     in_nest = np.einsum("vij,vj->vi", visits.seat_R, true)
-    turned = np.array(
-        [rotation.shortest(a, up) for a, up in zip(_unit_vectors(in_nest), _unit_vectors(visits.stimulus), strict=True)]
-    )
+    turned = rotation.shortest(_unit_vectors(in_nest), _unit_vectors(visits.stimulus))
     return replace(scene, visits=replace(visits, nest_R=turned))
 
 

@@ -19,10 +19,15 @@ from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import sheet
 from station.domain.recognition.quantities import sphere
 from station.domain.recognition.sheet import InferredSheet
+from station.errors import SamplesError
 from station.messages import Message, render
 
 #: What a recipe's data sheet may state, and what is inferred where it does not.
 SHEET_KEYS = ("rate_hz", "lsb", "noise_density")
+#: Rows were shuffled where this share of a visit's stamps, or more, is before the one ahead of it.
+SHUFFLED = 0.2
+#: Orientations of which no pose is known that leave anything to see beside three offsets and three gains.
+LEAST_ORIENTATIONS = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +86,7 @@ class Preflight:
 
 def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What samples are, and those of them that count. Errors: SamplesError where they are of no tumble."""
-    table = sort_table(table)
+    table = _in_order_of_time(sort_table(table))
     begin, end = visit_boundaries(table)
     preflight_checks.check_positions(table, begin, end)
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
@@ -114,6 +119,27 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         simulated=_simulated(table, begin),
     )
     return result, table[~out[number]] if out.any() else table
+
+
+def _in_order_of_time(table: SampleTable) -> SampleTable:
+    """The table with each visit's samples in the order of their stamps, where many go back: rows were shuffled. Few
+    are late stamps, and stand in the order of arrival."""
+    begin, end = visit_boundaries(table)
+    inside = np.ones(max(len(table) - 1, 0), bool)
+    inside[begin[1:] - 1] = False
+    if not inside.any() or np.mean(np.diff(table.time_s)[inside] < 0) < SHUFFLED:
+        return table
+    return table[np.lexsort((table.time_s, np.repeat(np.arange(len(begin)), end - begin)))]
+
+
+def check_orientations(recipe: Recipe, found: Preflight) -> None:
+    """Errors: SamplesError where only the magnitude is known, and the orientations are too few for offset and gain of
+    each axis: nothing else can be told from them. Temperatures may show themselves in one."""
+    warm = found.temperature_degC
+    heated = warm is not None and warm[1] - warm[0] > preflight_checks.HEATED_DEGC
+    known = recipe.pose_known or recipe.reference.source == "rate"
+    if not known and not heated and found.poses < LEAST_ORIENTATIONS:
+        raise SamplesError("too-few-orientations", poses=found.poses, needed=LEAST_ORIENTATIONS)
 
 
 def _left_out(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.visit_noise import axis_noise, excess_variance, sample_noise
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.scene import COVARIATES, Scene, fit_temperature_slopes, scene_of_table
@@ -24,10 +25,6 @@ BLOCK_EDGES = np.array([0.06, 0.15, 0.40, 1.0])
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], [0.5]])
 #: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded.
 HUBER_K = 2.0
-MAD_PER_SIGMA = 0.6745
-#: Variance of the logarithm of a noise's square by the median of n differences, times n; and by how much, in such
-#: logarithms, an axis may be noisier than the others.
-MEDIAN_LOG_VARIANCE, MAX_LOG_VARIANCE = 8.0, 3.0
 #: In a block of fewer samples no mean can tell a wild one from the rest.
 MIN_HUBER_SAMPLES = 7
 #: Samples looked at together: enough to be fast, few enough for a processor's cache.
@@ -40,9 +37,10 @@ class ReducedScene:
 
     scene: one row a stop, at its mean time; fine: rows (v · B · nodes) inside the blocks, for causes that move
     during a dwell; mean (v, 3); contrast (v, B−1, 3), scaled so that it has the noise of a single sample;
-    count (v, B) samples in each block; sigma: noise of a sample, from one to the next, and axis_noise (3) that of each
-    axis beside it, 1 where nothing shows that they differ; rate_error (v, modes): by what
-    the rate of temperature may be wrong, degC/s, each mode times a standard normal number a run.
+    count (v, B) samples in each block; sigma: noise of a sample, from one to the next, axis_noise (3) that of each axis
+    beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a stop's noise beside that of all,
+    axis_excess (v, 3) that which `count` leaves to each axis; rate_error (v, modes): by what the rate of temperature
+    may be wrong, degC/s, each mode times a standard normal number a run.
     """
 
     scene: Scene
@@ -53,10 +51,27 @@ class ReducedScene:
     sigma: float
     rate_error: Floats | None = None
     axis_noise: Floats = field(default_factory=lambda: np.ones(3))
+    excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
+    axis_excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
 
-    def reduce_fine(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Mean (v, 3) and contrasts (v, B−1, 3) of values on the rows of `fine` (v · B · nodes, 3)."""
-        return mean_and_contrasts(rows.reshape(*self.count.shape, len(NODES), 3).swapaxes(2, 3) @ WEIGHTS, self.count)
+    def by_own_noise(self) -> "ReducedScene":
+        """The same where each stop has the noise of its own samples: a noisier one counts as so many fewer at that of
+        all."""
+        e = self.excess.mean(1)
+        count, contrast = self.count / e[:, None], self.contrast / np.sqrt(e)[:, None, None]
+        return replace(self, count=count, contrast=contrast, axis_excess=self.excess / e[:, None])
+
+    @property
+    def rows_of_visit(self) -> int:
+        """Rows of `fine` that a visit has."""
+        return int(self.count.shape[1]) * len(NODES)
+
+    def reduce_fine(self, rows: Floats, visits: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats]:
+        """Mean (v, c) and contrasts (v, B−1, c) of values on the rows of `fine` (v · B · nodes, c), or of those of some
+        visits alone."""
+        count = self.count if visits is None else self.count[visits]
+        inside = rows.reshape(*count.shape, len(NODES), rows.shape[1])
+        return mean_and_contrasts(inside.swapaxes(2, 3) @ WEIGHTS, count)
 
 
 def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
@@ -75,15 +90,25 @@ def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     block = np.searchsorted(BLOCK_EDGES, np.minimum(since / length[full.visit], 1.0), side="left").astype(np.intp)
     cell = full.visit * len(BLOCK_EDGES) + block
     count = np.bincount(cell, minlength=stops * len(BLOCK_EDGES)).astype(float)
-    sigma = _noise(table.reading, full.visit)
+    sigma = sample_noise(table.reading, full.visit)
     reading = clip_outliers(table.reading, full.visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
     means = huber_means(reading, full.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
     count = count.reshape(stops, -1)
     mean, contrast = mean_and_contrasts(means.reshape(*count.shape, 3), count)
     scene = _rows_of(full, stops)
     noise = float(np.sqrt(np.mean(sigma**2)))
-    axes = _axis_noise(sigma, len(table) - stops)
-    return ReducedScene(scene, _fine(full, scene, cell), mean, contrast, count, noise, _rate_error(scene), axes)
+    axes = axis_noise(sigma, len(table) - stops)
+    return ReducedScene(
+        scene,
+        _fine(full, scene, cell),
+        mean,
+        contrast,
+        count,
+        noise,
+        _rate_error(scene),
+        axes,
+        excess_variance(table.reading, full.visit, sigma),
+    )
 
 
 def _rate_error(scene: Scene) -> Floats | None:
@@ -165,28 +190,6 @@ def _portions(cell: NDArray[np.intp], cells: int) -> list[tuple[slice, slice]]:
 def _sums(values: Floats, cell: NDArray[np.intp], cells: int) -> Floats:
     """Sums of values (n, k) over cells."""
     return np.stack([np.bincount(cell, column, cells) for column in values.T], axis=1)
-
-
-def _noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
-    """Noise of a sample (3) from differences of neighbours in a stop; 0 where they never differ."""
-    near = np.abs(np.diff(reading, axis=0))[visit[1:] == visit[:-1]]
-    if not len(near):
-        return np.zeros(3)
-    robust = np.median(near, axis=0) / MAD_PER_SIGMA
-    return np.asarray(np.where(robust > 0, robust, np.sqrt(np.mean(near**2, axis=0))) / np.sqrt(2))
-
-
-def _axis_noise(sigma: Floats, differences: int) -> Floats:
-    """Noise of each axis (3) beside the rms of all, from that of a sample; drawn to 1 as far as chance alone makes them
-    differ (James and Stein), and no further apart than noise of one kind may be."""
-    if np.any(sigma <= 0) or differences < 1:
-        return np.ones(3)
-    logs = 2 * np.log(sigma)
-    apart = logs - logs.mean()
-    # Two degrees of freedom; the variance of the logarithm of a squared median of differences is some 8 / n.
-    shrunk = max(0.0, 1 - 2 * MEDIAN_LOG_VARIANCE / differences / max(float(apart @ apart), 1e-300))
-    variance = np.exp(np.clip(shrunk * apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE))
-    return np.asarray(np.sqrt(variance / variance.mean()))
 
 
 def _since_first(full: Scene, stops: int) -> tuple[Floats, Floats]:

@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from station.diagnosis.data import magnitudes
-from station.diagnosis.data.reduce import MAD_PER_SIGMA, ReducedScene
+from station.diagnosis.data.reduce import ReducedScene
+from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.grid import RowLayout, VisitGrid, visit_grid
 from station.diagnosis.linear.projection import DataColumns
 from station.domain.core.types import Floats

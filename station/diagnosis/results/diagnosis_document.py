@@ -8,9 +8,11 @@ import numpy as np
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.faults import GrossFault
 from station.diagnosis.data.faults.gross_fault import BlockGain
+from station.diagnosis.results.blind_spots import blind_spot_messages
 from station.diagnosis.results.diagnose import Cause, Diagnosis, calibration_shift, floor_rms, residual_rms
 from station.diagnosis.results.parameter_rows import estimate_rows, gain_document
 from station.diagnosis.results.remaining_residual import remaining_rms
+from station.messages import render
 
 SCHEMA = "station.diagnosis/1"
 
@@ -99,12 +101,17 @@ def sentence(d: Diagnosis) -> str:
     found = "; ".join(names)
     rest = " and ".join(d.depends_on)
     by_verdict = {
-        "none": "The simulation accounts for the data.",
+        "none": " ".join(["The simulation accounts for the data.", *_reservations(d)]),
         "named": f"Found: {found}.",
         "incomplete": f"Found: {found}; what is left depends on {rest}.",
         "unknown": f"Something is wrong that no known cause explains; it depends on {rest}.",
     }
     return by_verdict[d.verdict]
+
+
+def _reservations(d: Diagnosis) -> list[str]:
+    """What must be said beside a finding of nothing."""
+    return [render(m) for m in blind_spot_messages(d, within_visit_rms(d))] if d.verdict == "none" else []
 
 
 def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:

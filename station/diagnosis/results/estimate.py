@@ -9,6 +9,7 @@ from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import FormEstimate, tunable_parameters, tune_form, with_form_value
 from station.diagnosis.candidates.solve import solve, whitened
 from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.results.form_posterior import FormPosterior, form_posterior
 from station.diagnosis.search.problem import refined, visit_interval_s
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
@@ -31,7 +32,7 @@ class Estimate:
 
 def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Estimate, ...]]:
     """The problem with every form at its best beside the other causes, and the estimates of all accepted causes."""
-    forms: list[tuple[FormEstimate, ...]] = []
+    forms: list[tuple[FormPosterior, ...]] = []
     items = list(problem.accepted)
     fitted = problem.fit()
     for i in range(len(items)):
@@ -41,23 +42,30 @@ def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Esti
         problem = refined(problem.with_accepted(items), rounds=3)
         fitted = problem.fit()
     found = joint_coefficients(problem, problem.accepted, fitted)
+    gap_s = visit_interval_s(problem.view)
     return problem, tuple(
-        Estimate(
-            item, value, np.hypot(std, _std_from_form(problem, i, form, fitted)), form, visit_interval_s(problem.view)
-        )
+        Estimate(item, value, np.hypot(std, _std_from_form(problem, i, value, form, fitted)), _estimates(form), gap_s)
         for i, (item, (value, std), form) in enumerate(zip(problem.accepted, found, forms, strict=True))
     )
 
 
-def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[AcceptedCause, tuple[FormEstimate, ...]]:
-    """A cause with its form at its best, the others as they are."""
+def _estimates(form: Sequence[FormPosterior]) -> tuple[FormEstimate, ...]:
+    return tuple(p.estimate for p in form)
+
+
+def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[AcceptedCause, tuple[FormPosterior, ...]]:
+    """A cause with its form as the data say, the others as they are."""
     item = problem.accepted[i]
-    if not tunable_parameters(item.candidate.effect):
+    parameters = tunable_parameters(item.candidate.effect)
+    if not parameters:
         return item, ()
     bare = problem.without(i)
     space = bare.space(fitted.floor, moving=item.candidate.dwell is not None)
-    candidate, form = tune_form(item.candidate, bare.view, space)
-    return replace(item, candidate=candidate), form
+    candidate, best = tune_form(item.candidate, bare.view, space)
+    found = tuple(form_posterior(candidate, b, p, bare.view, space) for b, p in zip(best, parameters, strict=True))
+    for p in found:
+        candidate = with_form_value(candidate, p.estimate.field, p.estimate.value, bare.view)
+    return replace(item, candidate=candidate), found
 
 
 def joint_coefficients(
@@ -71,19 +79,17 @@ def joint_coefficients(
     return [(item.coefficient + step, std) for item, (step, std) in zip(items, found, strict=True)]
 
 
-def _std_from_form(problem: ScoringProblem, i: int, form: Sequence[FormEstimate], fitted: FittedFloor) -> Floats:
+def _std_from_form(
+    problem: ScoringProblem, i: int, value: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
+) -> Floats:
     """Standard deviation (groups, axes) that the uncertainty of the form adds to the coefficients of a cause."""
     item = problem.accepted[i]
     bare = problem.without(i)
-    total = np.zeros(item.coefficient.shape)
-    for t in form:
-        ends = []
-        for sign in (-1, 1):
-            moved = with_form_value(
-                item.candidate, t.field, t.value * float(np.exp(sign * t.std / t.value)), problem.view
-            )
-            other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
+    variance = np.zeros(value.shape)
+    for p in form:
+        for at, weight in zip(p.values, p.weights, strict=True):
+            moved = with_form_value(item.candidate, p.estimate.field, float(at), problem.view)
+            other = replace(item, candidate=moved, coefficient=np.zeros(value.shape))
             items = [*problem.accepted[:i], other, *problem.accepted[i + 1 :]]
-            ends.append(joint_coefficients(bare, items, fitted)[i][0])
-        total = np.hypot(total, (ends[1] - ends[0]) / 2)
-    return total
+            variance += weight * (joint_coefficients(bare, items, fitted)[i][0] - value) ** 2
+    return np.sqrt(variance)

@@ -1,7 +1,7 @@
 """Formulas for what no cause of the library explains: sized, and accepted only where they gain on held-out data."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,9 +9,9 @@ import numpy as np
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import FormEstimate
 from station.diagnosis.discovery.covariates import term_covariates
-from station.diagnosis.discovery.discover import Discovery, FoundTerm, ThresholdOf, discover
+from station.diagnosis.discovery.discover import MAX_TERMS, AlarmOnRest, Discovery, FoundTerm, ThresholdOf, discover
 from station.diagnosis.discovery.scan import scanned_units
-from station.diagnosis.discovery.term_fit import TermSpace, candidate_of, constant_stds
+from station.diagnosis.discovery.term_fit import TermFit, TermSpace, accepted, candidate_of, constant_stds
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, joint_coefficients
 from station.diagnosis.results.gain import HeldOutGain, gain_together, held_out_gain
@@ -59,12 +59,14 @@ def propose_formula(
     paying: Sequence[AcceptedCause],
     table: SampleTable,
     threshold_of: ThresholdOf | None = None,
+    most_terms: int = MAX_TERMS,
 ) -> Hypotheses:
-    """The formula for what a diagnosis leaves unexplained. last: the problem with every cause found; paying: those that
-    gain on held-out data."""
+    """The formula for what a diagnosis leaves unexplained, or none where it takes more terms. last: the problem with
+    every cause found; paying: those that gain on held-out data."""
     assert searched.null is not None
     problem = only_with(last, len(searched.first.accepted), paying)
-    found = discover(problem, searched.null, searched.undetectable, SEED, threshold_of)
+    alarm = AlarmOnRest(searched.null, searched.undetectable, searched.banks)
+    found = discover(problem, alarm, SEED, threshold_of, most_terms)
     return _accepted(found, data_hash(table))
 
 
@@ -105,18 +107,31 @@ def _accepted(found: Discovery, data: str) -> Hypotheses:
 
 def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], floor: FittedFloor) -> list[Estimate]:
     """Coefficients and constants with standard deviations."""
-    sizes = joint_coefficients(problem, problem.accepted, floor)
-    out = []
-    for i, term in enumerate(terms, first):
-        bare = problem.without(i)
-        space = bare.space(floor.floor, moving="since_arrival_s" in term.fit.term.needs)
-        stds = constant_stds(term.fit, TermSpace(bare.view, scanned_units(bare, bare.view.grid.units), space))
-        forms = tuple(FormEstimate(field, value, stds[field]) for field, value in term.fit.term.constants)
-        value, std = sizes[i]
-        for form in forms:
-            std = np.hypot(std, _moved_by(bare, problem, i, term, form, floor))
-        out.append(Estimate(problem.accepted[i], value, std, forms))
-    return out
+    return [_estimate(problem, i, term, floor) for i, term in enumerate(terms, first)]
+
+
+def _estimate(problem: ScoringProblem, i: int, term: FoundTerm, floor: FittedFloor) -> Estimate:
+    """Those of one term, which is the accepted cause i."""
+    bare = problem.without(i)
+    space = bare.space(floor.floor, moving="since_arrival_s" in term.fit.term.needs)
+    stds = constant_stds(term.fit, TermSpace(bare.view, scanned_units(bare, bare.view.grid.units), space))
+    forms = tuple(FormEstimate(field, value, stds[field]) for field, value in term.fit.term.constants)
+    value, std = joint_coefficients(problem, problem.accepted, floor)[i]
+    for form in forms:
+        std = np.hypot(std, _moved_by(bare, problem, i, term, form, floor))
+    return Estimate(problem.accepted[i], value, std, forms)
+
+
+def rival_estimates(h: Hypotheses, i: int) -> Iterator[tuple[TermFit, Estimate]]:
+    """What cannot be told from term i of a formula, each with the coefficients that it has in its place."""
+    at = len(h.problem.accepted) - len(h.terms) + i
+    bare = h.problem.without(at)
+    for rival in h.terms[i].found.equivalent:
+        items = [*bare.accepted[:at], accepted(rival, bare.view, h.terms[i].found.name), *bare.accepted[at:]]
+        with_rival = refined(bare.with_accepted(items), rounds=2)
+        floor = with_rival.fit()
+        found = FoundTerm(h.terms[i].found.name, rival, rival.score, ())
+        yield rival, _estimate(with_rival, at, found, floor)
 
 
 def _moved_by(

@@ -6,13 +6,14 @@ from typing import Any
 
 from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.term_fit import TermFit
-from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm
+from station.diagnosis.results.estimate import Estimate
+from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm, rival_estimates
 from station.diagnosis.results.parameter_rows import estimate_rows, gain_document
 from station.model.effect import unit_in
 from station.model.formula.model_term import ModelTerm
 from station.model.formula.term import Term
 from station.model.formula.text import formula_mathml, formula_text
-from station.model.model_file import ModelEffect, ModelParameter
+from station.model.model_file import ModelEffect, ModelParameter, SizedTerm
 
 
 def hypothesis_rows(h: Hypotheses, unit: str) -> list[dict[str, Any]]:
@@ -94,11 +95,14 @@ def model_effects(h: Hypotheses, unit: str, taken: Sequence[str]) -> Iterator[Mo
     """The terms as a model file carries them."""
     names = (f"formula-{i}" for i in count(1))
     free = (name for name in names if name not in taken)
-    for t, name in zip(h.terms, free, strict=False):
-        term = t.found.fit.term
-        rows = [r for r in estimate_rows(t.estimate, unit) if r["name"] in ("coefficient", "angle")]
-        source = f"found in data {h.data}, d {t.found.fit.d:.3g}; not yet explained"
-        tree = {**term_document(term, unit), "formula": formula_text(term), "source": source}
-        yield ModelEffect(
-            effect=name, parameters=tuple(ModelParameter(**r) for r in rows), term=ModelTerm.model_validate(tree)
-        )
+    for (i, t), name in zip(enumerate(h.terms), free, strict=False):
+        own = _sized(t.found.fit, t.estimate, h.data, unit)
+        rivals = tuple(_sized(fit, estimate, h.data, unit) for fit, estimate in rival_estimates(h, i))
+        yield ModelEffect(effect=name, parameters=own.parameters, term=own.term, equivalent=rivals)
+
+
+def _sized(fit: TermFit, estimate: Estimate, data: str, unit: str) -> SizedTerm:
+    rows = [r for r in estimate_rows(estimate, unit) if r["name"] in ("coefficient", "angle")]
+    source = f"found in data {data}, d {fit.d:.3g}; not yet explained"
+    tree = {**term_document(fit.term, unit), "formula": formula_text(fit.term), "source": source}
+    return SizedTerm(parameters=tuple(ModelParameter(**r) for r in rows), term=ModelTerm.model_validate(tree))

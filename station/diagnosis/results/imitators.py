@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates.nuisance import AcceptedCause, accepted_columns
+from station.diagnosis.discovery.discover import MAX_TERMS
 from station.diagnosis.discovery.price import price
 from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
@@ -48,10 +49,13 @@ def simplest_explanation(
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, table))
     if len(paying) < (LEAST_CAUSES if whole else 1):
         return with_causes
-    alone = propose_formula(searched, last, (), table)
+    complete = whole or _is_complete(with_causes)
+    # What takes as many terms as there are parts already is no simpler: it need not be looked for.
+    most = with_causes.parts - 1 if complete else MAX_TERMS
+    alone = propose_formula(searched, last, (), table, most_terms=most)
     if whole and _are_the_formula(alone, paying):
         return with_causes
-    if not alone.complete or ((whole or _is_complete(with_causes)) and not _is_simpler(alone, with_causes, last)):
+    if not alone.complete or (complete and not _is_simpler(alone, with_causes, last)):
         return with_causes
     if known := _causes_in(alone, paying):
         mixed = Explanation(known, propose_formula(searched, last, known, table))

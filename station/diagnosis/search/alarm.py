@@ -90,9 +90,11 @@ class NullDistribution:
         )
 
 
-def bootstrap(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int) -> NullDistribution:
-    """The null distribution for a bank under the floor fitted without any new cause."""
-    parts = list(null_simulation.scores(problem, fitted, now, seed))
+def bootstrap(
+    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int, sets: int = null_simulation.NULL_SETS
+) -> NullDistribution:
+    """The null distribution for a bank under the floor fitted without any new cause, from so many null sets."""
+    parts = list(null_simulation.scores(problem, fitted, now, seed, sets))
     return fit_null({name: np.concatenate([p[name] for p in parts]).astype(float) for name in parts[0]})
 
 

@@ -1,26 +1,17 @@
 """Causes one after another, until nothing alarms."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from station.diagnosis.candidates import kernels as generic
-from station.diagnosis.candidates.bank import (
-    Bank,
-    Candidate,
-    build_bank,
-    candidates,
-    cause_library,
-    disturbed_readings,
-    is_testable,
-    smooth_causes,
-)
+from station.diagnosis.candidates.bank import Bank, smooth_causes
 from station.diagnosis.candidates.projected_bank import visible_candidates
-from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.search.alarm import UNKNOWN_NATS, NullDistribution, statistic
 from station.diagnosis.search.best_form import tune_forms
+from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.distinguishability import (
     estimate_signal,
     followed_share,
@@ -33,7 +24,7 @@ from station.diagnosis.search.finding import (
     is_unknown,
     unknown_finding,
 )
-from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel
+from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel, compare_laws_with_scatter
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
@@ -43,6 +34,7 @@ from station.diagnosis.search.rank import (
     rank_causes,
     variance_gains,
     variance_surprise,
+    with_bounded_variance,
     with_free_variance,
 )
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
@@ -55,8 +47,6 @@ NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribu
 MAX_CHAIN, MAX_STARTS, CHOICE_NATS = 3, 3, 3.0
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
-#: Where two simulations differ by less than this share of the stimulus a cause looks alike in both, but for that share.
-SAME_SIGNATURE_SHARE = 1e-3
 #: Causes and kernels looked for at most, and how often one and the same may be found.
 MAX_ROUNDS, MAX_REPEATS = 6, 2
 
@@ -73,6 +63,7 @@ class SearchResult:
     stage: ScoredBank
     undetectable: tuple[str, ...]
     rest: Mapping[str, float]
+    banks: CandidateBanks
     null: NullDistribution | None = None
     other_forms: tuple[str, ...] = ()
 
@@ -94,23 +85,6 @@ class SearchResult:
             return self.findings[0].evidence, self.findings[0].probability
         causes = {name: e for name, e in self.rest.items() if name not in generic.KERNEL_NAMES}
         return self.rest, dict.fromkeys(causes, 0.0)
-
-
-def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
-    """Every cause and kernel that these data could show."""
-    effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
-    items = [c for e in effects for c in candidates(e, view)]
-    return (*items, *generic.kernel_candidates(view), *disturbed_readings(view))
-
-
-def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
-    """The still and the moving candidates, without the causes that are hidden from these data."""
-    return _banks_of(all_candidates(view), view, hidden)
-
-
-def _banks_of(items: Sequence[Candidate], view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
-    chosen = [c for c in items if c.name not in hidden]
-    return build_bank(chosen, view.layout, moving=False), build_bank(chosen, view.layout, moving=True)
 
 
 def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[ScoredBank, tuple[str, ...]]:
@@ -161,6 +135,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
         state.now,
         search.undetectable,
         state.evidence,
+        search.banks,
         search.null,
         other_forms,
     )
@@ -190,7 +165,7 @@ class _Search:
         self._null_of = null_of
         self._null: NullDistribution | None = None
         self.undetectable: tuple[str, ...] = ()
-        self._made: tuple[ResidualView, tuple[Candidate, ...]] = problem.view, all_candidates(problem.view)
+        self.banks = CandidateBanks(problem.view)
         self.first = self.state(problem)
 
     @property
@@ -198,18 +173,12 @@ class _Search:
         """What scores look like when nothing is wrong."""
         return self._null
 
-    def _banks(self, view: ResidualView) -> tuple[Bank, Bank]:
-        """The bank in a view. Its signatures are those of another view where that simulates nearly the same."""
-        if not view.simulates_nearly(self._made[0], SAME_SIGNATURE_SHARE):
-            self._made = view, all_candidates(view)
-        return _banks_of(self._made[1], view, self.undetectable)
-
     def state(self, problem: ScoringProblem) -> _State:
         """The whole bank with everything accepted."""
         if self._null is not None and problem is self.first.problem:
             return self.first
         fitted = problem.fit()
-        now = score_bank(problem, self._banks(problem.view), fitted.floor)
+        now = score_bank(problem, self.banks.of(problem.view, self.undetectable), fitted.floor)
         if self._null is None:
             now, self.undetectable = _drop_undetectable(problem, now)
         around = marginalise_walks(problem, now)
@@ -248,7 +217,7 @@ class _Search:
     def _judged_with_others(self, problem: ScoringProblem, i: int, finding: CauseFinding) -> CauseFinding:
         bare = problem.without(i)
         fitted = bare.fit()
-        now = score_bank(bare, self._banks(bare.view), fitted.floor)
+        now = score_bank(bare, self.banks.of(bare.view, self.undetectable), fitted.floor)
         state = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now))
         ranks = self.ranks(state, [])
         if finding.name not in ranks or ranks[finding.name].best is None:
@@ -305,7 +274,10 @@ def _with_forms_checked(
             laws = compare_laws_with_kernel(last.problem, finding)
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else finding)
         elif finding.accepted is None:
-            checked.append(finding)
+            # A variance follows anything a little; what follows a law is no scatter.
+            bounded = with_bounded_variance(last.problem, finding.name, problem.upper)
+            laws = compare_laws_with_scatter(last.problem, bounded)
+            checked.append(replace(finding, words=laws.words) if laws.is_ahead else laws.judged(finding))
         else:
             laws = compare_laws(last.problem, i, last.now.floor)
             checked.append(laws.judged(finding))
@@ -319,7 +291,8 @@ def _first_of_chains(
 ) -> list[RankedCause]:
     """The causes to begin a chain with: those of the largest evidence, and those that hold most of what the kernel
     follows, each coefficient counted as noise would count it."""
-    causes = sorted((r for r in causes_of(ranks) if r.best is not None), key=lambda r: -r.evidence)
+    there = (r for r in causes_of(ranks) if r.best is not None and r.at.shows(r.best))
+    causes = sorted(there, key=lambda r: -r.evidence)
     evident = [r for r in causes if r.evidence > 0][:MAX_STARTS]
     if kernel is None or kernel.best is None:
         return evident

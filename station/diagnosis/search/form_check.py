@@ -24,7 +24,7 @@ from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_law
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding
-from station.diagnosis.search.rank import RankedCause, rank_causes
+from station.diagnosis.search.rank import OCCAM_NATS, RankedCause, rank_causes
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
 
@@ -34,6 +34,8 @@ LAW_NATS = 4.5
 #: Before the data a law that nobody wrote is less likely than the cause it resembles by this many nats, odds of 4.5 to
 #: one. Where no data can part the two, a name is thus never certain (0.82).
 PRIOR_NATS = 1.5
+#: What it costs to choose one law out of all of them where no cause says which, nats.
+CHOICE_NATS = 5.0
 #: Laws so near to the best, nats, all say on what the rest depends.
 NEAR_NATS = 2.0
 #: Laws further behind the best than this, nats, are not tried under other floors.
@@ -91,6 +93,13 @@ def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
 def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> RivalLaws:
     """The laws in place of the kernel that was found, which is wide and may follow what depends on something else."""
     return _rivals(_ranked(problem, [], unknown.floor), unknown.evidence[unknown.name])
+
+
+def compare_laws_with_scatter(problem: ScoringProblem, bounded: ScoringProblem) -> RivalLaws:
+    """The laws in place of a variance of the floor that was let free; bounded: the problem with it within its bound."""
+    scatter, law = problem.fit(), bounded.fit()
+    gain = scatter.space.profile - law.space.profile - OCCAM_NATS
+    return _rivals(_ranked(bounded, [], law.floor), gain + CHOICE_NATS)
 
 
 def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:

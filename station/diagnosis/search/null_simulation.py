@@ -28,7 +28,9 @@ NULL_SETS, NULL_FLOORS, COPIED_FLOORS, FLOORS_AT_ONCE = 1024, 64, 16, 16
 MAX_DRAWN_UNITS = 32
 
 
-def scores(problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, seed: int) -> Iterator[dict[str, Floats]]:
+def scores(
+    problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, seed: int, sets: int = NULL_SETS
+) -> Iterator[dict[str, Floats]]:
     """Log evidence (n) of each cause in null data sets, some sets after others."""
     rng = np.random.default_rng(seed)
     units = problem.view.grid.units
@@ -37,7 +39,7 @@ def scores(problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, see
     now = replicate_units(problem, like, chosen, copies)
     banks = [[SinglePrecisionBank(s) for s in stage.projected] for stage in now.stages]
     floors, at_once = (NULL_FLOORS, FLOORS_AT_ONCE) if copies == 1 else (COPIED_FLOORS, 1)
-    noise = _noise(problem, fitted, now, rng, floors)
+    noise = _noise(problem, fitted, now, rng, floors, sets // floors)
     while drawn := list(islice(noise, at_once)):
         orders = copy_orders(len(drawn[0].noise), copies, rng) if copies > 1 else None
         scored = [[light.scores(drawn, orders) for light in stage] for stage in banks]
@@ -56,9 +58,9 @@ def copy_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
 
 
 def _noise(
-    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator, floors: int
+    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator, floors: int, sets: int
 ) -> Iterator["NullNoise"]:
-    """White noise of the widest space, floor by floor."""
+    """White noise of the widest space, floor by floor, so many sets of each."""
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
     spaces = [s.space for stage in now.stages for s in stage.projected]
@@ -66,7 +68,7 @@ def _noise(
     for _ in range(floors):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
         true = problem.structure.covariance(variances).runs.single_precision()
-        noise = rng.standard_normal((NULL_SETS // floors, *live.shape), dtype=np.float32)
+        noise = rng.standard_normal((sets, *live.shape), dtype=np.float32)
         yield NullNoise.of(noise * live, replace(true, member=member))
 
 

@@ -57,18 +57,19 @@ class FloorAllowance:
 
 
 def initial_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool = False) -> ScoringProblem:
-    """The problem before any cause is known: each axis with the noise that its samples have, or all with the same,
-    whichever makes the visits' means the likelier."""
-    even = replace(reduced, axis_noise=np.ones(3))
-    problems = [_plain_problem(even, allowance, matrix=matrix)]
-    if reduced.scene.recipe.pose_known and not np.array_equal(reduced.axis_noise, even.axis_noise):
-        problems.append(_plain_problem(reduced, allowance, matrix=matrix))
-        return max(problems, key=lambda problem: problem.fit().space.profile)
-    return problems[0]
+    """The problem before any cause is known: axes and visits each with the noise that their samples have, or all with
+    the same, whichever makes the visits' means the likeliest. What shakes within a visit need not scatter its mean."""
+    divisions = [replace(reduced, axis_noise=np.ones(3))]
+    if reduced.scene.recipe.pose_known and not np.array_equal(reduced.axis_noise, np.ones(3)):
+        divisions.append(reduced)
+    if np.any(reduced.excess != 1.0):
+        divisions += [division.by_own_noise() for division in divisions]
+    problems = [_plain_problem(division, allowance, matrix=matrix) for division in divisions]
+    return problems[0] if len(problems) == 1 else max(problems, key=lambda problem: problem.fit().space.profile)
 
 
 def _plain_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool) -> ScoringProblem:
-    """The problem under one division of the noise between the axes."""
+    """The problem under one division of the noise between axes and visits."""
     view = initial_view(reduced, matrix)
     known, places = nuisance_of(view, (), matrix)
     setting = ScoringSetting(view.layout, _structure(view), known, view.readings())
@@ -80,7 +81,7 @@ def _structure(view: ResidualView) -> FloorStructure:
     turn = np.einsum("vki,via->vka", view.keep, view.signature(Repeatability.example())[0])
     steps = view.signature(BiasWalk.example())[0][:, 0, 0]
     weight = view.reduced.count.sum(1)
-    share = view.reduced.axis_noise**2 if view.grid.k == 3 else np.ones(1)
+    share = view.reduced.axis_noise**2 * view.reduced.axis_excess if view.grid.k == 3 else np.ones(1)
     # A length does not change when the part turns; what rounding leaves of that is no structure.
     turn = turn if view.grid.k == 3 else np.zeros_like(turn)
     project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)

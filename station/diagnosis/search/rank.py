@@ -84,7 +84,7 @@ def _next_floor(
     """The bank under the floor of the leading cause, or else of the leading kernel, if that is a new one."""
     for kernel in (False, True):
         leader = max((r for r in best.values() if (r.name in words) == kernel), key=lambda r: r.evidence, default=None)
-        if leader is None or leader.best is None or leader.evidence < 0:
+        if leader is None or leader.best is None or leader.evidence < 0 or not leader.at.shows(leader.best):
             continue
         with_it = problem.with_accepted((*problem.accepted, leader.at.accept(leader.best, problem.view)))
         found = with_it.fit(leader.at.floor).floor
@@ -109,6 +109,13 @@ def with_free_variance(problem: ScoringProblem, name: str) -> ScoringProblem:
     upper = problem.upper.copy()
     upper[FLOOR_VARIANCES[name]] = np.inf
     return replace(problem, upper=upper)
+
+
+def with_bounded_variance(problem: ScoringProblem, name: str, upper: Floats) -> ScoringProblem:
+    """The problem with one variance of the floor held again within what is allowed, of `upper` (3)."""
+    bounds = problem.upper.copy()
+    bounds[FLOOR_VARIANCES[name]] = upper[FLOOR_VARIANCES[name]]
+    return replace(problem, upper=bounds)
 
 
 def _floor_causes(problem: ScoringProblem, first: ScoredBank) -> dict[str, RankedCause]:

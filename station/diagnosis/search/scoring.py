@@ -164,6 +164,10 @@ class ScoredBank:
         spread = float(np.sqrt(found.spectrum.ratios[i] / found.spectrum.mean * scale))
         return accept_candidate(candidate.plain or candidate, hit, min(spread, candidate.most))
 
+    def shows(self, candidate: Candidate) -> bool:
+        """Whether anything of a candidate is left beside all that is known."""
+        return bool(self._of(candidate)[1].spectrum.mean > 0)
+
     def hit(self, candidate: Candidate, view: ResidualView, alone: bool = False) -> NDArray[np.bool_]:
         """The groups that a candidate likely hits, or the likeliest one `alone`; all where it is not a scan."""
         found = self._of(candidate)[1]

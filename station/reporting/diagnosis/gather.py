@@ -9,6 +9,7 @@ from station.diagnosis.data.reduce import BLOCK_EDGES, ReducedScene, mean_and_co
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.line_impact import cause_contribution, new_causes
+from station.diagnosis.results.smallest_effect import smallest_detectable
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.forward import resting_stimulus
@@ -16,7 +17,6 @@ from station.model.scene import COVARIATES, Scene, scene_of_table
 from station.reporting.diagnosis import samples
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
 from station.reporting.diagnosis.formula_curve import formula_curves
-from station.reporting.diagnosis.smallest_effect import smallest_detectable
 
 #: Covariates that a picture can have as its horizontal axis.
 AXIS_COVARIATES = ("temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s", "motor")

@@ -1,0 +1,48 @@
+"""Every cause and kernel that some stops could show, made anew only where the simulation has changed."""
+
+from collections.abc import Collection, Sequence
+
+from station.diagnosis.candidates import kernels as generic
+from station.diagnosis.candidates.bank import (
+    Bank,
+    Candidate,
+    build_bank,
+    candidates,
+    cause_library,
+    disturbed_readings,
+    is_testable,
+)
+from station.diagnosis.data.residuals import ResidualView
+
+#: Where two simulations differ by less than this share of the stimulus a cause looks alike in both, but for that share.
+SAME_SIGNATURE_SHARE = 1e-3
+
+
+class CandidateBanks:
+    """The candidates of some stops. Their signatures are those of another view where that simulates nearly the same."""
+
+    def __init__(self, view: ResidualView) -> None:
+        self._view, self._candidates = view, all_candidates(view)
+
+    def of(self, view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
+        """The still and the moving candidates in a view, without the causes that are hidden from these data."""
+        if not view.simulates_nearly(self._view, SAME_SIGNATURE_SHARE):
+            self._view, self._candidates = view, all_candidates(view)
+        return _banks_of(self._candidates, view, hidden)
+
+
+def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
+    """Every cause and kernel that these data could show."""
+    effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
+    items = [c for e in effects for c in candidates(e, view)]
+    return (*items, *generic.kernel_candidates(view), *disturbed_readings(view))
+
+
+def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
+    """The still and the moving candidates, without the causes that are hidden from these data."""
+    return _banks_of(all_candidates(view), view, hidden)
+
+
+def _banks_of(items: Sequence[Candidate], view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
+    chosen = [c for c in items if c.name not in hidden]
+    return build_bank(chosen, view.layout, moving=False), build_bank(chosen, view.layout, moving=True)

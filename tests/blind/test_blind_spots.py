@@ -1,0 +1,31 @@
+"""What a diagnosis that found nothing says of what it could not have found."""
+
+from station.config.recipes import load_recipe
+from station.diagnosis.results.blind_spots import BlindSpots
+from station.diagnosis.results.diagnosis_document import document
+from station.model.simulate import SimulationJob, parse_effects, simulate
+from tests.blind.inspection import diagnosis_of
+
+#: Three faces of one unit once, beside six coefficients of its own: three numbers are left for everything else.
+THREE = load_recipe("three-point")
+
+
+def test_three_faces_say_what_they_cannot_show_and_what_would_show_it() -> None:
+    found = diagnosis_of(THREE, simulate(SimulationJob(THREE, ("A",), 3, ())).table)
+    blind = BlindSpots.of_diagnosis(found)
+    assert {"cubic", "quadratic", "turn-on-offset", "offset-temperature"} <= set(blind.causes)
+    assert not {"local-gravity", "gold-drift"} & set(blind.causes)
+    shown = document(found)
+    assert shown["verdict"] == "none"
+    assert f"{len(blind.causes)} of {blind.of} causes cannot show" in shown["sentence"]
+    assert "add a run 10 °C warmer" in shown["sentence"]
+    assert "scatter" not in shown["sentence"]
+
+
+def test_scatter_that_nothing_explains_is_not_passed_over() -> None:
+    """One per cent of the next axis is a hundred times the noise of a mean, and three faces name nothing."""
+    effects = parse_effects(("cross-axis=0.01",), THREE)
+    shown = document(diagnosis_of(THREE, simulate(SimulationJob(THREE, ("A",), 3, effects)).table))
+    assert shown["verdict"] == "none"
+    assert "times what the samples in them explain" in shown["sentence"]
+    assert "cross-axis" in shown["sentence"]

@@ -1,0 +1,58 @@
+"""The noise of each stop beside that of all: nothing where chance explains it, and its size where a stop is noisier."""
+
+import numpy as np
+import pytest
+
+from station.diagnosis.data.visit_noise import excess_variance, sample_noise
+from station.domain.core.types import Floats
+
+STOPS = 120
+
+
+def excess(reading: Floats) -> Floats:
+    """Of readings (v, n, 3)."""
+    visit = np.repeat(np.arange(len(reading)), reading.shape[1])
+    flat = reading.reshape(-1, 3)
+    return excess_variance(flat, visit, sample_noise(flat, visit))
+
+
+@pytest.mark.parametrize("samples", [10, 50, 400])
+@pytest.mark.parametrize("kind", ["gauss", "t5", "walk", "fine codes", "coarse codes", "axes"])
+def test_stops_of_one_noise_have_no_excess(kind: str, samples: int, rng: np.random.Generator) -> None:
+    white = rng.standard_normal((STOPS, samples, 3))
+    at_rest = rng.normal(0, 50, (STOPS, 1, 3))
+    readings = {
+        "gauss": white,
+        "t5": rng.standard_t(5, white.shape),
+        "walk": white + 0.1 * np.cumsum(rng.standard_normal(white.shape), axis=1),
+        "fine codes": np.rint(white + at_rest),
+        "coarse codes": 3.0 * np.rint((white + at_rest) / 3),
+        "axes": white * [1.0, 5.0, 0.2],
+    }
+    assert np.all(excess(readings[kind]) == 1.0)
+
+
+def test_a_noisier_stop_stands_out_by_itself_and_a_quieter_one_does_not(rng: np.random.Generator) -> None:
+    reading = rng.standard_normal((STOPS, 100, 3))
+    reading[7] *= [3.0, 3.0, 1.0]
+    reading[9] *= 0.1
+    found = excess(reading)
+    # The logarithm of a mean of 100 squares of differences has a standard error of √(3/100) = 0.17: four of them.
+    assert np.log(found[7, :2]) == pytest.approx(np.log([9.0, 9.0]), abs=0.7)
+    found[7, :2] = 1.0
+    assert np.all(found == 1.0)
+
+
+def test_stops_that_differ_altogether_have_each_their_own(rng: np.random.Generator) -> None:
+    scale = np.exp(rng.normal(0, 0.5, (STOPS, 3)))
+    found = excess(rng.standard_normal((STOPS, 100, 3)) * scale[:, None])
+    beside = np.log(found / scale**2)
+    assert np.std(beside) < 0.3 < np.std(np.log(scale**2))
+
+
+def test_a_few_wild_samples_are_no_noise_and_readings_that_never_change_have_none(rng: np.random.Generator) -> None:
+    reading = rng.standard_normal((STOPS, 60, 3))
+    reading[3, 20] += 40.0
+    assert np.all(excess(reading) == 1.0)
+    assert np.all(excess(np.zeros((STOPS, 60, 3))) == 1.0)
+    assert excess(np.zeros((0, 60, 3))).shape == (0, 3)
