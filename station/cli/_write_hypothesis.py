@@ -11,6 +11,7 @@ from station.errors import UsageError
 from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
 from station.model.formula.effect_file import NAME, SizeMet, effect_source
+from station.model.formula.text import formula_text
 from station.model.model_file import EFFECTS, ModelEffect, formula_size
 from station.model.pooling import FoundFormula, PooledFormula, pool
 
@@ -62,7 +63,11 @@ def _chosen(model: Path, formula: str) -> ModelEffect:
 
 
 def _print_pooled(pooled: PooledFormula, campaigns: int) -> None:
-    """How well the campaigns agree."""
+    """What was pooled, and how well the campaigns agree."""
+    _output.print_line(render(Message("pool-shared", formula=formula_text(pooled.term))))
+    if pooled.dropped:
+        dropped = tuple(formula_text(term) for term in pooled.dropped)
+        _output.print_line(render(Message("pool-dropped", formulas=dropped)))
     for c in pooled.coefficients:
         _output.print_line(
             render(

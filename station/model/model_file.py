@@ -51,19 +51,35 @@ class ModelParameter(StrictModel):
     unit: str = ""
 
 
+class SizedTerm(StrictModel):
+    """A term with its own parameters: a formula that the data cannot tell from another one."""
+
+    parameters: tuple[ModelParameter, ...]
+    term: ModelTerm
+
+    @model_validator(mode="after")
+    def _fits_its_term(self) -> Self:
+        _check_parameters(self.term, self.parameters)
+        return self
+
+
 class ModelEffect(StrictModel):
     """A cause with its parameters; shape: parameters of its form by field, such as time_constant_s; term: of one that
-    the library does not know, a formula, `effect` then being its name."""
+    the library does not know, a formula, `effect` then being its name; equivalent: those that its data cannot tell from
+    it, the simplest first."""
 
     effect: str
     parameters: tuple[ModelParameter, ...] = ()
     shape: dict[str, Finite] = Field(default_factory=dict)
     term: ModelTerm | None = None
+    equivalent: tuple[SizedTerm, ...] = ()
 
     @model_validator(mode="after")
     def _fits_its_term(self) -> Self:
         if self.term is not None:
             _check_parameters(self.term, self.parameters)
+        elif self.equivalent:
+            raise InvalidValue("formula-equivalent-alone", effect=self.effect[:40])
         return self
 
     def build(self) -> Effect:

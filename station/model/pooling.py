@@ -15,10 +15,9 @@ import scipy.special
 
 from station.domain.core.types import Floats
 from station.errors import InputError
-from station.model.formula.grammar import columns_of
 from station.model.formula.term import Term
 from station.model.formula.text import formula_text
-from station.model.model_file import ModelEffect
+from station.model.model_file import ModelEffect, SizedTerm
 
 #: Chance at which campaigns that agree are told apart, all coefficients together.
 LEVEL = 0.01
@@ -51,13 +50,15 @@ class PooledCoefficient:
 
 @dataclass(frozen=True, slots=True)
 class PooledFormula:
-    """The formula that several campaigns hold. size: rms of its coefficients; sizes: smallest and largest met."""
+    """The formula that several campaigns hold. size: rms of its coefficients; sizes: smallest and largest met; dropped:
+    of other families, which some campaigns could not tell from it and others could."""
 
     term: Term
     size: float
     sizes: tuple[float, float]
     source: str
     coefficients: tuple[PooledCoefficient, ...]
+    dropped: tuple[Term, ...] = ()
 
     @property
     def agrees(self) -> bool:
@@ -66,10 +67,13 @@ class PooledFormula:
 
 
 def pool(campaigns: Sequence[FoundFormula]) -> PooledFormula:
-    """One formula of two or more campaigns' own. Where common coefficients disagree, each station gets its own.
+    """One formula of two or more campaigns: the one that all put first, or the simplest that is in the set of each.
+    Where common coefficients disagree, each station gets its own.
 
-    Errors: InputError where the formulas are not one, come from one and the same data, or lack standard deviations.
+    Errors: InputError where no formula is in every set, campaigns come from one and the same data, or lack standard
+    deviations.
     """
+    campaigns, dropped = _shared(campaigns)
     terms = [_term(c) for c in campaigns]
     _check_one_law(campaigns, terms)
     values = [_coefficients(c) for c in campaigns]
@@ -77,7 +81,7 @@ def pool(campaigns: Sequence[FoundFormula]) -> PooledFormula:
     pooled = tuple(_pooled(axis, values) for axis in term.axes) if term.of == "common" else ()
     sizes = [_rms_beyond_noise(v) for v in values]
     size = _rms_beyond_noise([row for v in values for row in v])
-    made = PooledFormula(term, size, (min(sizes), max(sizes)), _source(campaigns), pooled)
+    made = PooledFormula(term, size, (min(sizes), max(sizes)), _source(campaigns), pooled, dropped)
     return made if made.agrees else replace(made, term=replace(term, of="station"))
 
 
@@ -86,6 +90,33 @@ class _Coefficient:
     axis: str | None
     value: float
     std: float
+
+
+def _shared(campaigns: Sequence[FoundFormula]) -> tuple[Sequence[FoundFormula], tuple[Term, ...]]:
+    """The campaigns with the formula that all hold in first place, and what not all of them hold."""
+    sets = [{_law(f): f for f in reversed(_forms(c))} for c in campaigns]
+    leaders = [_law(_forms(c)[0]) for c in campaigns]
+    common = [law for law in sets[0] if all(law in forms for forms in sets)]
+    if len(set(leaders)) == 1 or not common:
+        return campaigns, ()
+    chosen = min(common, key=lambda law: sets[0][law].term.term().description)
+    dropped = {law[0]: forms[law].term.term() for forms in sets for law in forms if law not in common}
+    chosen_first = [
+        replace(c, found=c.found.model_copy(update=dict(forms[chosen])))
+        for c, forms in zip(campaigns, sets, strict=True)
+    ]
+    return chosen_first, tuple(dropped.values())
+
+
+def _forms(c: FoundFormula) -> list[SizedTerm]:
+    """What a campaign's data hold alike, what it put first at the head."""
+    assert c.found.term is not None
+    return [SizedTerm(parameters=c.found.parameters, term=c.found.term), *c.found.equivalent]
+
+
+def _law(form: SizedTerm) -> tuple[tuple[str, str], str, str]:
+    """What makes formulas of two campaigns one: family, who shares it, unit."""
+    return form.term.term().family, form.term.of, form.term.unit
 
 
 def _term(c: FoundFormula) -> Term:
@@ -128,14 +159,12 @@ def _coefficients(c: FoundFormula) -> list[_Coefficient]:
 def _pooled_term(terms: Sequence[Term], values: Sequence[Sequence[_Coefficient]]) -> Term:
     """The axes of all, each constant at its mean weighted by d²: its standard deviation goes as 1/d."""
     law = terms[0]
-    used = {axis for t in terms for axis in t.axes}
-    axes = tuple(c.label for c in columns_of(*law.factors) if c.label in used)
     weight = np.array([sum((v.value / v.std) ** 2 for v in own) for own in values])
     constants = tuple(
         (field, float(np.average([dict(t.constants)[field] for t in terms], weights=weight)))
         for field, _ in law.constants
     )
-    return replace(law, axes=axes, constants=constants)
+    return replace(law.with_axes({axis for t in terms for axis in t.axes}), constants=constants)
 
 
 def _pooled(axis: str, values: Sequence[Sequence[_Coefficient]]) -> PooledCoefficient:

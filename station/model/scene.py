@@ -5,6 +5,7 @@ simulation cannot tell which. Its rows may also stand for blocks of samples at t
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ class Scene:
         return values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Signal:
     """What the sensor feels: true (n, 3) in the device's frame; at_visit (v, 3) the resting vector of each visit.
 
@@ -108,7 +109,7 @@ class Signal:
     at_visit: Floats
     moving: bool = False
 
-    @property
+    @cached_property
     def step(self) -> Floats:
         """Previous visit's resting vector minus this one's (n, 3); zero at the first visit of a run."""
         previous = self.scene.visits.previous

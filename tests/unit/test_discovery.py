@@ -61,7 +61,20 @@ def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whol
         scores = chance.largest_scores(problem, fitted, scans, 3).tolist()
         return chance.tail_quantile(np.asarray(scores))
 
-    null: Any = None
-    out = discover(problem, null, (), 3, threshold_of)
+    out = discover(problem, None, 3, threshold_of)
     assert not out.terms
     assert 0.001 < float(np.mean(np.array(scores) > out.threshold)) < 0.03
+
+
+def test_a_wave_that_each_axis_feels_of_another_one_is_one_term_of_one_frequency() -> None:
+    def wave(w: World, rng: Scaled) -> tuple[Any, Any]:
+        size = rng.amplitude(1e-4, (1,))[0] * np.array([1, -1, 1.3, -1.3])[w.unit] * np.cos(0.27 * w.t + 1)
+        return w.a, size[:, None] * w.a[:, [2, 0, 1]]
+
+    table, _ = hide(recipe(), wave, 5, d=24.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    (found,) = discover(problem, None, 1, lambda *_: 4.0).terms
+    term = found.fit.term
+    assert term.family == ("other", "wave")
+    assert {label.rpartition(":")[0] for label in term.axes} == {"x:z", "y:x", "z:y"}
+    assert abs(dict(term.constants)["cycles_hz"] - 0.27 / (2 * np.pi)) < 0.0005

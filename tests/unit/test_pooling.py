@@ -1,12 +1,14 @@
 """One formula of several campaigns: what they agree on is pooled, what they do not becomes each station's own."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from station.errors import InputError
-from station.model.model_file import ModelEffect, ModelParameter
+from station.model.model_file import ModelEffect, ModelParameter, SizedTerm
 from station.model.pooling import FoundFormula, pool
 from tests.unit.test_formula_effect_file import MODEL, code, loaded
 
@@ -82,6 +84,28 @@ def test_what_is_not_one_law_is_refused(other: FoundFormula, problem: str) -> No
     with pytest.raises(InputError) as refused:
         pool([campaign("aaaa", {"z": 2e-5}), other])
     assert refused.value.message.id == problem
+
+
+def with_rival(first: FoundFormula, rival: FoundFormula) -> FoundFormula:
+    """A campaign that puts one formula first and cannot tell another from it."""
+    assert rival.found.term is not None
+    form = SizedTerm(parameters=rival.found.parameters, term=rival.found.term)
+    return replace(first, found=first.found.model_copy(update={"equivalent": (form,)}))
+
+
+def test_campaigns_that_put_others_first_are_pooled_by_what_all_hold() -> None:
+    cubed: dict[str, Any] = {"input": "own-cubed", "unit": "1/(g²·degC)"}
+    one = with_rival(campaign("aaaa", {"z": 2.0e-5}), campaign("aaaa", {"z": 3e-5}, **cubed))
+    two = with_rival(campaign("bbbb", {"z": 3.1e-5}, **cubed), campaign("bbbb", {"z": 2.2e-5}))
+    size: dict[str, Any] = {"input": "own-size", "unit": "1/degC"}
+    three = with_rival(campaign("cccc", {"z": 1e-5}, **size), campaign("cccc", {"z": 2.1e-5}))
+    made = pool([one, two, three])
+    assert made.term.family == ("own-squared", "temperature")
+    assert made.coefficients[0].value == pytest.approx(2.1e-5)
+    assert {t.input for t in made.dropped} == {"own-cubed", "own-size"}
+    assert pool([one, campaign("dddd", {"z": 2.0e-5})]).dropped == ()
+    with pytest.raises(InputError):
+        pool([one, campaign("eeee", {"z": 1e-5}, **size)])
 
 
 def test_the_command_pools_its_models(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,6 +23,6 @@ def threshold_of() -> ThresholdOf:
 
 @pytest.mark.parametrize("name", ["cross-axis", "vibration-rectification"])
 def test_a_cause_taken_out_of_the_library_is_found_again_in_its_form(name: str, threshold_of: ThresholdOf) -> None:
-    found = rediscover(name, 11, None, threshold_of)
+    found = rediscover(name, 11, threshold_of)
     assert found.terms[0].score > found.threshold
     assert is_rediscovered(name, found)

@@ -7,25 +7,27 @@ still alarms, the formula is a part of the truth, not the whole.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from station.diagnosis.discovery import chance
+from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families, simplest
 from station.diagnosis.discovery.library import libraries
-from station.diagnosis.discovery.price import price
+from station.diagnosis.discovery.merge import TermPair
 from station.diagnosis.discovery.scan import Choice, Scan, scan_of, scanned_units
-from station.diagnosis.discovery.term_fit import TermFit, TermSpace, accepted, fit_term, refine, with_levels
+from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, accepted, fit_term, refine, with_levels
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import NullDistribution, statistic
-from station.diagnosis.search.cause_search import build_banks
+from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import marginalise_walks
 from station.model.formula.grammar import INPUTS, MODULATORS, columns_of
 from station.model.formula.term import Term
 
-#: Terms of a formula at most.
-MAX_TERMS = 3
+#: Terms of a formula at most, and how often one is looked for: several found may be one law of several axes.
+MAX_TERMS, MAX_ROUNDS = 3, 6
 #: Families whose constants are refined, and how far behind the best of the scan they may be, nats.
 MOST_REFINED, REFINED_NATS = 20, 9.0
 #: What a law may lose, as a share of its score, where its constants stand between those of the grid.
@@ -35,10 +37,6 @@ GRID_SHARE = 0.35
 NEARLY_NATS, MOST_EXCESS = 1.0, 1.8
 #: Numbers that must be left beside the calibration: of fewer no law can be read.
 LEAST_NUMBERS = 12
-#: Two curves of one input are one where they are no further apart than this, in white data.
-SAME_CURVE = 0.5
-#: Formulas so near to the best, nats, are given as one set.
-SET_NATS = 3.0
 #: What a term of the rig's groups, which are not on the grid, must be ahead of chance, nats.
 GROUP_NATS = 1.5
 #: Units that the scan goes over at most; what it finds is judged by all.
@@ -71,27 +69,46 @@ class Discovery:
     first: int
 
 
+class AlarmOnRest(NamedTuple):
+    """The diagnosis' own alarm as it goes over what a formula leaves: its null distribution, the causes that these data
+    cannot show, and the candidates of these stops."""
+
+    null: NullDistribution
+    hidden: Sequence[str]
+    banks: CandidateBanks
+
+    def is_quiet(self, problem: ScoringProblem) -> bool:
+        """Whether it finds nothing."""
+        fitted, banks = problem.fit(), self.banks.of(problem.view, self.hidden)
+        now = marginalise_walks(problem, score_bank(problem, banks, fitted.floor))
+        return statistic(self.null, now.evidence()) <= self.null.threshold
+
+
 def discover(
     problem: ScoringProblem,
-    null: NullDistribution | None,
-    hidden: Sequence[str],
+    alarm: AlarmOnRest | None,
     seed: int,
     threshold_of: ThresholdOf | None = None,
+    most_terms: int = MAX_TERMS,
 ) -> Discovery:
-    """The formula for what a problem leaves. null: of the diagnosis' alarm, None where nobody asks whether anything is
-    left; hidden: causes that these data cannot show.
-
-    threshold_of: the score by chance, where somebody has it already.
-    """
+    """The formula for what a problem leaves, or none where it takes more terms. alarm: None where nobody asks whether
+    anything is left; threshold_of: the score by chance, where somebody has it already."""
     search = _FormulaSearch(problem, seed, threshold_of)
     found: list[FoundTerm] = []
-    first = len(problem.accepted)
-    while len(found) < MAX_TERMS and (best := search.best(problem, f"formula-{len(found) + 1}")) is not None:
+    bare, first = problem, len(problem.accepted)
+    for _ in range(MAX_ROUNDS):
+        if len(found) == MAX_TERMS or (best := search.best(problem, f"formula-{len(found) + 1}")) is None:
+            break
         problem = _with_term(problem, best)
         found.append(best)
         if len(found) > 1:
+            problem, found = search.merged(problem, found, first)
+        if len(found) > most_terms:
+            return Discovery((), bare, search.threshold, quiet=False, first=first)
+        if len(found) > 1:
             problem, found = search.fitted_back(problem, found, first)
-    quiet = bool(found) and null is not None and search.is_exhausted(len(found)) and _is_quiet(problem, null, hidden)
+    whole = alarm is not None and bool(found) and search.is_exhausted(len(found)) and _excess(problem) <= MOST_EXCESS
+    quiet = whole and alarm is not None and alarm.is_quiet(problem)
     return Discovery(tuple(found), problem, search.threshold, quiet, first)
 
 
@@ -120,7 +137,7 @@ class _FormulaSearch:
     def best(self, problem: ScoringProblem, name: str) -> FoundTerm | None:
         """The best term on what a problem leaves; None where chance does as well."""
         fitted, units = problem.fit(), scanned_units(problem, MOST_SCANNED_UNITS)
-        scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view)]
+        scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view, units.stops)]
         scans = [scan for scan in scans if scan.batches]
         if not scans or any(s.space.dof < LEAST_NUMBERS or s.space.rest <= 0 for s in scans):
             return None
@@ -139,7 +156,7 @@ class _FormulaSearch:
         """The best of some terms with their constants refined, judged under the floor that fits best with it. top: the
         best of the grid."""
         # Of a fleet some units show which families are worth a fit to all.
-        few = _Spaces(problem, floor, MOST_SCANNED_UNITS)
+        few = TermSpaces(problem, floor, MOST_SCANNED_UNITS)
         fits = [refine(t, few.of(t)) for t in terms]
         fits += [fit_term(t, few.of(t)) for t in _group_terms(problem)]
         fits = sorted(fits, key=lambda f: -f.score)[:MOST_REFINED]
@@ -147,16 +164,32 @@ class _FormulaSearch:
             return None
         leader = fits[0]
         with_it = problem.with_accepted((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
-        spaces, fairer = _Spaces(problem, floor), _Spaces(problem, with_it)
+        spaces, fairer = TermSpaces(problem, floor), TermSpaces(problem, with_it)
         close = [f for f in fits if f.score > leader.score - REFINED_NATS]
         again = [with_levels(refine(f.term, fairer.of(f.term)), fairer.of(f.term), self._levels) for f in close]
         again.sort(key=lambda f: -f.score)
-        best = _simplest(again)
+        best = simplest(again)
         score = best.score + fairer.of(best.term).space.profile - spaces.of(best.term).space.profile
         if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
-        near = _distinct([f for f in again if f.score > best.score - SET_NATS], best)
+        near = other_families([f for f in again if f.score > best.score - SET_NATS], best)
         return FoundTerm(name, best, score, near)
+
+    def merged(
+        self, problem: ScoringProblem, found: list[FoundTerm], first: int
+    ) -> tuple[ScoringProblem, list[FoundTerm]]:
+        """The terms with the last one written into an earlier one, if both are better as one."""
+        last = found[-1]
+        for i, earlier in enumerate(found[:-1]):
+            if earlier.fit.term.family != last.fit.term.family:
+                continue
+            pair = TermPair(problem, first + i, first + len(found) - 1, earlier.fit.term, last.fit.term)
+            if (one := pair.as_one(self._levels)) is not None:
+                rivals = (*earlier.equivalent, *last.equivalent)
+                better = FoundTerm(earlier.name, one, pair.score(one), pair.rivals(one, rivals, self._levels))
+                rest = [better if at == i else term for at, term in enumerate(found[:-1])]
+                return _with_term(pair.bare, better, first + i), rest
+        return problem, found
 
     def fitted_back(
         self, problem: ScoringProblem, found: list[FoundTerm], first: int
@@ -167,27 +200,8 @@ class _FormulaSearch:
             better = self.best(bare, found[i].name)
             if better is None:
                 continue
-            items = list(bare.accepted)
-            items.insert(first + i, accepted(better.fit, bare.view, better.name))
-            problem, found[i] = refined(bare.with_accepted(items), rounds=2), better
+            problem, found[i] = _with_term(bare, better, first + i), better
         return problem, found
-
-
-class _Spaces:
-    """A problem's spaces under one floor, each made when it is needed; of all units, or of so many."""
-
-    def __init__(self, problem: ScoringProblem, floor: NoiseFloor, most: int | None = None) -> None:
-        self._view, self._floor = problem.view, floor
-        self._units = scanned_units(problem, problem.view.grid.units if most is None else most)
-        self._made: dict[bool, TermSpace] = {}
-
-    def of(self, term: Term) -> TermSpace:
-        """Where a term is judged."""
-        moving = "since_arrival_s" in term.needs
-        if moving not in self._made:
-            space = self._units.setting.space(self._floor, moving=moving)
-            self._made[moving] = TermSpace(self._view, self._units, space)
-        return self._made[moving]
 
 
 def _best_choices(scans: Sequence[Scan]) -> tuple[float, list[Choice]]:
@@ -232,44 +246,11 @@ def _group_terms(problem: ScoringProblem) -> Iterator[Term]:
         yield Term(name, "constant", axes, of)
 
 
-def _with_term(problem: ScoringProblem, found: FoundTerm) -> ScoringProblem:
-    """The problem with a term accepted and everything known at its best."""
-    item = accepted(found.fit, problem.view, found.name)
-    return refined(problem.with_accepted((*problem.accepted, item)), rounds=2)
-
-
-def _simplest(ranked: Sequence[TermFit]) -> TermFit:
-    """The best, or the simplest of those near it that are the same curve of the same input spelt with less."""
-    best = ranked[0]
-    same = [f for f in ranked if f.score > best.score - SET_NATS and _is_same_curve(f, best)]
-    return min(same, key=lambda f: (price(f.term), -f.score))
-
-
-def _is_same_curve(one: TermFit, two: TermFit) -> bool:
-    """Whether two terms of one input differ by less than noise shows: a decay that lasts for ever is a constant."""
-    if one.term.input != two.term.input or one.signal.shape != two.signal.shape:
-        return False
-    return bool(np.sum((one.signal - two.signal) ** 2) < SAME_CURVE**2)
-
-
-def _distinct(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...]:
-    """The best of each family but the leader's own, the simplest first; no longer spelling of the leader's curve."""
-    found: dict[tuple[str, str], TermFit] = {}
-    for f in near:
-        longer = _is_same_curve(f, best) and price(f.term) > price(best.term)
-        if f.term.family != best.term.family and not longer:
-            found.setdefault(f.term.family, f)
-    return tuple(sorted(found.values(), key=lambda f: (f.term.size, -f.score)))
-
-
-def _is_quiet(problem: ScoringProblem, null: NullDistribution, hidden: Sequence[str]) -> bool:
-    """Whether what is left is no more than the scatter within the visits makes of their means, and the diagnosis' own
-    alarm finds nothing in it."""
-    if _excess(problem) > MOST_EXCESS:
-        return False
-    fitted = problem.fit()
-    now = marginalise_walks(problem, score_bank(problem, build_banks(problem.view, hidden), fitted.floor))
-    return statistic(null, now.evidence()) <= null.threshold
+def _with_term(problem: ScoringProblem, found: FoundTerm, place: int | None = None) -> ScoringProblem:
+    """The problem with a term accepted, last or at a place, and everything known at its best."""
+    items = list(problem.accepted)
+    items.insert(len(items) if place is None else place, accepted(found.fit, problem.view, found.name))
+    return refined(problem.with_accepted(items), rounds=2)
 
 
 def _excess(problem: ScoringProblem) -> float:

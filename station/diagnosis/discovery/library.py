@@ -6,6 +6,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
@@ -69,11 +70,10 @@ class ColumnProduct:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Library:
-    """The products that stand still during a visit, or those that move."""
+    """The products that stand still during a visit, or those that move; their values are those at some visits alone."""
 
     products: tuple[ColumnProduct, ...]
     moving: bool
-    signal: Signal
 
     @property
     def width(self) -> int:
@@ -81,7 +81,7 @@ class Library:
         return sum(len(p.columns) for p in self.products)
 
     def values(self, some: Sequence[ColumnProduct]) -> tuple[Floats, list[int]]:
-        """Values (n, c) of the columns of some products, and the axis of each."""
+        """Values (n, c) of the columns of some products on the rows of its visits, and the axis of each."""
         columns, axes = [], []
         for p in some:
             for c in p.columns:
@@ -90,21 +90,22 @@ class Library:
         return np.stack(columns, axis=1), axes
 
 
-def libraries(view: ResidualView) -> tuple[Library, ...]:
-    """All that these data could show: what stands still, and what moves within a visit."""
+def libraries(view: ResidualView, visits: NDArray[np.bool_]) -> tuple[Library, ...]:
+    """All that these data could show, what stands still and what moves within a visit, as some visits (v) have it."""
     still = sensor_signal(view.scene, view.active)
-    found = [_library(view, still, moving=False)]
+    found = [_library(view, still, visits, moving=False)]
     if view.reduced.contrast.shape[1] and view.scene.since_arrival_s is not None:
-        found.append(_library(view, sensor_signal(view.reduced.fine, view.active), moving=True))
+        within = np.repeat(visits, view.reduced.rows_of_visit)
+        found.append(_library(view, sensor_signal(view.reduced.fine, view.active), within, moving=True))
     return tuple(found)
 
 
-def _library(view: ResidualView, signal: Signal, *, moving: bool) -> Library:
+def _library(view: ResidualView, signal: Signal, rows: NDArray[np.bool_], *, moving: bool) -> Library:
     grids = _Grids(view)
     recorded = [m for m in MODULATORS.values() if (m.name in MOVING_MODULATORS) == moving and grids.shows(m)]
     names = MOVING_INPUTS if moving else [n for n, f in INPUTS.items() if not f.frame]
-    inputs = [s for n in names for s in _shapes(INPUTS[n], grids, signal)]
-    modulators = [s for m in recorded for s in _shapes(m, grids, signal)]
+    inputs = [s for n in names for s in _shapes(INPUTS[n], grids, signal, rows)]
+    modulators = [s for m in recorded for s in _shapes(m, grids, signal, rows)]
     made, first = [], 0
     for one, two in product(inputs, modulators):
         if not _tried(one.factor.name, two):
@@ -112,7 +113,7 @@ def _library(view: ResidualView, signal: Signal, *, moving: bool) -> Library:
         columns = columns_of(one.factor, two.factor)
         made.append(ColumnProduct(one, two, columns, first))
         first += len(columns)
-    return Library(tuple(made), moving, signal)
+    return Library(tuple(made), moving)
 
 
 def _tried(input_: str, modulator: Shape) -> bool:
@@ -128,8 +129,8 @@ def _tried(input_: str, modulator: Shape) -> bool:
     return input_ not in BENDS or name in PLAIN_MODULATORS
 
 
-def _shapes(factor: Factor, grids: "_Grids", signal: Signal) -> Iterator[Shape]:
-    """A factor at every value of its constants."""
+def _shapes(factor: Factor, grids: "_Grids", signal: Signal, rows: NDArray[np.bool_]) -> Iterator[Shape]:
+    """A factor at every value of its constants, on some rows of a signal."""
     fields = constants(factor.tree)
     places = _places(factor)
     n = len(signal.scene)
@@ -140,7 +141,7 @@ def _shapes(factor: Factor, grids: "_Grids", signal: Signal) -> Iterator[Shape]:
         pairs = tuple(zip(fields, chosen, strict=True))
         known = dict(pairs)
         shaped = {
-            (*place, phase): np.broadcast_to(without_rounding(evaluate(tree, felt[place], known)), n)
+            (*place, phase): np.broadcast_to(without_rounding(evaluate(tree, felt[place], known)), n)[rows]
             for place in places
             for phase, tree in factor.forms
         }

@@ -4,9 +4,12 @@ The nodes of the tree, which of its axes and who shares it, and each free consta
 hundred numbers give it (a description length; Bartlett, Desmond, Ferreira, IEEE Trans. Evol. Comp. 28 (2024) 950).
 """
 
+from functools import cache
+
 import numpy as np
 
-from station.model.formula.grammar import columns_of
+from station.model.formula.expression import constants, size
+from station.model.formula.grammar import INPUTS, MODULATORS, columns_of
 from station.model.formula.term import Term
 
 #: A node of the tree, a free constant, a level of sharing other than the unit's or everybody's; nats.
@@ -17,8 +20,15 @@ CLOCK_NATS, CLOCKS = 0.5, frozenset({"since_power_s", "since_clamp_s"})
 
 def price(term: Term) -> float:
     """Description length of a term without its coefficients, nats."""
-    every = len(columns_of(*term.factors))
-    choice = float(np.log(2)) if term.is_whole else float(np.log(2 * every / len(term.axes)))
-    rare = 0.0 if term.of in ("unit", "common") else RARE_LEVEL_NATS
-    clock = CLOCK_NATS * len(CLOCKS & set(term.needs))
-    return NODE_NATS * term.size + CONSTANT_NATS * len(term.fields) + choice + rare + clock
+    return family_price(*term.family, len(term.axes)) + (0.0 if term.of in ("unit", "common") else RARE_LEVEL_NATS)
+
+
+@cache
+def family_price(input_: str, modulator: str, axes: int) -> float:
+    """The same of any term of so many axes, with a coefficient of each unit or of everybody."""
+    factors = INPUTS[input_], MODULATORS[modulator]
+    every = len(columns_of(*factors))
+    choice = float(np.log(2)) if axes == every else float(np.log(2 * every / axes))
+    clock = CLOCK_NATS * len(CLOCKS & {need for f in factors for need in f.needs})
+    fields = {field for f in factors for field in constants(f.tree)}
+    return NODE_NATS * sum(size(f.tree) for f in factors) + CONSTANT_NATS * len(fields) + choice + clock

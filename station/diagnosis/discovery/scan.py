@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.evidence import log_evidence
 from station.diagnosis.discovery.library import ColumnProduct, Library
-from station.diagnosis.discovery.price import price
+from station.diagnosis.discovery.price import family_price
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
@@ -54,9 +54,8 @@ class ChoiceBatch:
     prices: Floats
 
     def taken(self, products: Array) -> Array:
-        """The sum of squares (F, n) that each takes up of data whose products with all columns are (U, C, n)."""
-        if len(self.turn) == 1:
-            products = products.sum(0, keepdims=True)
+        """The sum of squares (F, n) that each takes up of data whose products with all columns are (U, C, n), or those
+        summed over the units (1, C, n) where they share a coefficient."""
         turn = self.turn.astype(products.dtype, copy=False)
         if self.index.shape[1] == 1:
             along = products[:, self.index[:, 0]] * turn[:, :, 0]
@@ -77,8 +76,9 @@ class Scan:
     def scores(self, data: Array) -> Iterator[tuple[ChoiceBatch, Floats]]:
         """Log evidence less price (F, n) of each batch for residuals (U, M, n)."""
         products, rest = self.columns @ data.astype(np.float32, copy=False), np.einsum("umn,umn->n", data, data)
+        summed = products.sum(0, keepdims=True)
         for batch in self.batches:
-            share = batch.taken(products) / rest
+            share = batch.taken(summed if len(batch.turn) == 1 else products) / rest
             value = np.empty(share.shape)
             for rank in np.unique(batch.rank):
                 at = batch.rank == rank
@@ -131,7 +131,7 @@ def _white_columns(
 ) -> tuple[Floats, Floats]:
     """White columns (U, M, c) of some products, and their squared lengths (U, c) before anything known is taken off."""
     values, axes = library.values(some)
-    rows = _placed(view, values, axes, units, moving=library.moving)
+    rows = (_placed_within if library.moving else _placed)(view, values, axes, units)
     _, R, m, _ = rows.stop.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
     length = np.einsum("umc,umc->uc", white, white)
@@ -139,34 +139,61 @@ def _white_columns(
     return white, length
 
 
-def _placed(
-    view: ResidualView, values: Floats, axes: Sequence[int], units: ScannedUnits, *, moving: bool
-) -> DataColumns:
-    """Values (n, c), each on its axis, as rows of the units."""
-    layout, stops = units.setting.layout, units.stops
-    if not moving:
-        stop = np.zeros((int(stops.sum()), 3, len(axes)))
-        stop[:, axes, np.arange(len(axes))] = values[stops]
-        return layout.rows(stop, None)
-    parts = []
-    for column, axis in zip(values.T, axes, strict=True):
-        fine = np.zeros((len(values), 3))
-        fine[:, axis] = column
-        parts.append(view.reduced.reduce_fine(fine))
-    means, contrasts = (np.stack([p[i][stops] for p in parts], axis=-1) for i in (0, 1))
-    return layout.rows(means, contrasts)
+def _placed(_view: ResidualView, values: Floats, axes: Sequence[int], units: ScannedUnits) -> DataColumns:
+    """Values (v, c) of visits, each on its axis, as rows of the units."""
+    layout = units.setting.layout
+    return layout.columns(layout.keep[:, :, axes] * values[:, None], None)
+
+
+def _placed_within(view: ResidualView, values: Floats, axes: Sequence[int], units: ScannedUnits) -> DataColumns:
+    """The same for values (n, c) within the visits."""
+    mean, contrast = view.reduced.reduce_fine(values, units.stops)
+    means = np.zeros((len(mean), 3, len(axes)))
+    contrasts = np.zeros((*contrast.shape[:2], 3, len(axes)))
+    every = np.arange(len(axes))
+    means[:, axes, every], contrasts[:, :, axes, every] = mean, contrast
+    return units.setting.layout.rows(means, contrasts)
 
 
 def _batches(library: Library, columns: Array, length: Floats, space: ResidualSpace) -> Iterator[ChoiceBatch]:
-    by_width: dict[tuple[int, str], list[Choice]] = {}
-    levels = ("unit", "common") if len(columns) > 1 else ("unit",)
+    by_width: dict[int, list[tuple[ColumnProduct, tuple[int, ...]]]] = {}
     for p in library.products:
         for chosen in _subsets(p):
-            for of in levels:
-                if of == "common" or len(chosen) <= MOST_PER_UNIT:
-                    by_width.setdefault((len(chosen), of), []).append(Choice(p, chosen, of))
-    for (_, of), choices in by_width.items():
-        yield _batch(choices, columns, length, space, of)
+            by_width.setdefault(len(chosen), []).append((p, chosen))
+    shared = (columns @ space.shared_basis.astype(np.float32)).sum(0, dtype=float)
+    for width, some in by_width.items():
+        index = np.array([[p.first + at for at in chosen] for p, chosen in some])
+        normal, scale = _normal(columns, index), length[:, index].mean(axis=2)
+        prices = np.array([family_price(p.input.factor.name, p.modulator.factor.name, width) for p, _ in some])
+        for of in _levels(len(columns), width):
+            choices = tuple(Choice(p, chosen, of) for p, chosen in some)
+            known: tuple[Floats, Floats] = (normal, scale) if of == "unit" else _common(normal, scale, shared[index])
+            turn, rank = _directions(*known, space.dof)
+            yield ChoiceBatch(choices, index, turn, rank, prices)
+
+
+def _levels(units: int, width: int) -> Iterator[str]:
+    """Who may share choices of so many columns."""
+    if width <= MOST_PER_UNIT:
+        yield "unit"
+    if units > 1:
+        yield "common"
+
+
+def _common(normal: Floats, scale: Floats, shared: Floats) -> tuple[Floats, Floats]:
+    """Normal matrices (1, F, K, K) and squared lengths (1, F) of choices that all units share, without what the shared
+    known columns take up; shared (F, K, s): their products with those."""
+    normal = normal.sum(0, keepdims=True) - shared @ shared.swapaxes(-1, -2)
+    return normal, scale.sum(0, keepdims=True)
+
+
+def _directions(normal: Floats, scale: Floats, dof: int) -> tuple[Floats, NDArray[np.intp]]:
+    """What turns columns to orthonormal ones (U or 1, F, K, K), zeros for what is lost, and their rank (F)."""
+    m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else np.linalg.eigh(normal)
+    visible = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
+    turn = (E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
+    rank = np.count_nonzero(visible, axis=(0, 2))
+    return turn, np.where(rank > dof // 4, 0, rank)
 
 
 def _subsets(p: ColumnProduct) -> Iterator[tuple[int, ...]]:
@@ -179,23 +206,6 @@ def _subsets(p: ColumnProduct) -> Iterator[tuple[int, ...]]:
         yield from (tuple(at) for at in alone.values())
 
 
-def _batch(choices: list[Choice], columns: Array, length: Floats, space: ResidualSpace, of: str) -> ChoiceBatch:
-    index = np.array([[c.product.first + at for at in c.columns] for c in choices])
-    normal = _normal(columns, index)
-    scale = length[:, index].mean(axis=2)
-    if of == "common":
-        normal, scale = normal.sum(0, keepdims=True), scale.sum(0, keepdims=True)
-        if space.shared_basis.shape[2]:
-            cross = (columns @ space.shared_basis.astype(np.float32)).sum(0, dtype=float)[index]
-            normal = normal - cross @ cross.swapaxes(-1, -2)
-    m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else np.linalg.eigh(normal)
-    visible = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
-    turn = (E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
-    rank = np.count_nonzero(visible, axis=(0, 2))
-    rank = np.where(rank > space.dof // 4, 0, rank)
-    return ChoiceBatch(tuple(choices), index, turn, rank, _prices(choices))
-
-
 def _normal(columns: Array, index: NDArray[np.intp]) -> Floats:
     """Normal matrices (U, F, K, K) of the choices' columns."""
     if index.shape[1] == 1:
@@ -206,19 +216,3 @@ def _normal(columns: Array, index: NDArray[np.intp]) -> Floats:
         rows = columns[:, some].astype(float)
         parts.append(rows @ rows.swapaxes(-1, -2))
     return np.concatenate(parts, axis=1)
-
-
-def _prices(choices: Sequence[Choice]) -> Floats:
-    """The price of each; of one product only the number of its axes makes a difference."""
-    known: dict[tuple[str, str, int, str], float] = {}
-    found = []
-    for c in choices:
-        key = _price_key(c)
-        if key not in known:
-            known[key] = price(c.term)
-        found.append(known[key])
-    return np.array(found)
-
-
-def _price_key(c: Choice) -> tuple[str, str, int, str]:
-    return c.product.input.factor.name, c.product.modulator.factor.name, len(c.columns), c.of

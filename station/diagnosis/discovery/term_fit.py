@@ -5,15 +5,18 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.evidence import log_evidence
 from station.diagnosis.discovery.price import price
-from station.diagnosis.discovery.scan import VISIBLE_SHARE, ScannedUnits
+from station.diagnosis.discovery.scan import VISIBLE_SHARE, ScannedUnits, scanned_units
 from station.diagnosis.linear.evidence import Pattern
+from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.effect import Effect
 from station.model.formula.grammar import CONSTANTS
@@ -33,8 +36,8 @@ ZEROS = (-2.5, -1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2, 2.5)
 BENDS = (-0.45, -0.2, 0.0, 0.2, 0.45)
 #: Tops of a coarse grid that are refined, and how far below the highest.
 MOST_TOPS, NEAR_TOP_SHARE = 2, 0.15
-#: Golden section's share, its steps, and the rounds where a term has two constants.
-GOLDEN, STEPS, ROUNDS = 0.5 * (5**0.5 - 1), 9, 2
+#: How finely a constant is found, as a share of the steps of the coarse grid, and the rounds where a term has two.
+FINENESS, ROUNDS = 0.01, 2
 
 
 class TermSpace(NamedTuple):
@@ -43,6 +46,23 @@ class TermSpace(NamedTuple):
     view: ResidualView
     units: ScannedUnits
     space: ResidualSpace
+
+
+class TermSpaces:
+    """A problem's spaces under one floor, each made when it is needed; of all units, or of so many."""
+
+    def __init__(self, problem: ScoringProblem, floor: NoiseFloor, most: int | None = None) -> None:
+        self._view, self._floor = problem.view, floor
+        self._units = scanned_units(problem, problem.view.grid.units if most is None else most)
+        self._made: dict[bool, TermSpace] = {}
+
+    def of(self, term: Term) -> TermSpace:
+        """Where a term is judged."""
+        moving = "since_arrival_s" in term.needs
+        if moving not in self._made:
+            space = self._units.setting.space(self._floor, moving=moving)
+            self._made[moving] = TermSpace(self._view, self._units, space)
+        return self._made[moving]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,7 +191,7 @@ def refine(term: Term, at: TermSpace) -> TermFit:
 
 
 def _refine_one(best: TermFit, field: str, where: TermSpace) -> TermFit:
-    """One constant by golden section between the neighbours of its best value on a coarse grid."""
+    """One constant by Brent's method between the neighbours of its best value on a coarse grid."""
     scale = ConstantScale.of(field, dict(best.term.constants)[field], where.view)
     tried: dict[float, TermFit] = {scale.start: best}
 
@@ -188,10 +208,10 @@ def _refine_one(best: TermFit, field: str, where: TermSpace) -> TermFit:
 
 
 def _search_between(low: float, high: float, at: Callable[[float], float]) -> None:
-    """Golden section: ever nearer to the highest point of a function."""
-    for _ in range(STEPS):
-        one, two = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        low, high = (low, two) if at(one) > at(two) else (one, high)
+    """Brent's method: as near to the highest point of a function as a share of the interval."""
+    scipy.optimize.minimize_scalar(
+        lambda x: -at(float(x)), bounds=(low, high), method="bounded", options={"xatol": FINENESS * (high - low)}
+    )
 
 
 def _tops(points: Sequence[float], at: Callable[[float], float]) -> Iterator[tuple[float, float]]:

@@ -1,5 +1,6 @@
 """One term of a formula: coefficient · input · modulator, with the values of its constants and who shares it."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -118,9 +119,18 @@ class Term:
         """Nodes of its tree."""
         return sum(size(f.tree) for f in self.factors)
 
+    @property
+    def description(self) -> tuple[int, int]:
+        """What makes one term simpler than another: nodes and free constants, and how many axes it acts on."""
+        return self.size + len(self.fields), len(self.axes)
+
     def with_constants(self, **values: float) -> "Term":
         """The same with other constants."""
         return replace(self, constants=tuple((field, values.get(field, value)) for field, value in self.constants))
+
+    def with_axes(self, labels: Collection[str]) -> "Term":
+        """The same with other coefficients, in the order of the grammar."""
+        return replace(self, axes=tuple(c.label for c in columns_of(*self.factors) if c.label in labels))
 
     def tree(self, column: FormulaColumn) -> tuple[Expression, Expression]:
         """Trees of input and modulator of a coefficient."""

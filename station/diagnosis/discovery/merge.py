@@ -1,0 +1,55 @@
+"""One law on several axes, found one axis after the other, as one term.
+
+The scan tries all axes of a product together and each alone. A law that each axis feels of another one, or of too many
+coefficients for all pairs at once, is found as terms of one family, each with a frequency or time constant of its own;
+so is what a first term leaves whose constant was tuned while the rest of the law was still in the way.
+"""
+
+from collections.abc import Sequence
+
+from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families
+from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, fit_term, refine, with_levels
+from station.diagnosis.search.scoring import ScoringProblem
+from station.model.formula.grammar import columns_of
+from station.model.formula.term import Term
+
+
+class TermPair:
+    """Two terms of one family that a problem has accepted; bare: the problem without them."""
+
+    def __init__(self, problem: ScoringProblem, first: int, second: int, one: Term, two: Term) -> None:
+        self._one, self._two = one, two
+        self._with_one = problem.without(second)
+        self.bare = self._with_one.without(first)
+        self._floor = problem.fit().floor
+        self._spaces = TermSpaces(self.bare, self._floor)
+
+    def as_one(self, levels: tuple[str, ...]) -> TermFit | None:
+        """Both as one term with the constants of either tuned anew; None where two terms say more."""
+        union = {*self._one.axes, *self._two.axes}
+        fits = [refine(t.with_axes(union), self._spaces.of(t)) for t in (self._one, self._two)]
+        best = with_levels(max(fits, key=lambda f: f.score), self._spaces.of(self._one), levels)
+        return best if best.score >= self._score_apart() else None
+
+    def _score_apart(self) -> float:
+        """The score of both terms, one after the other."""
+        then = TermSpaces(self._with_one, self._floor)
+        return fit_term(self._one, self._spaces.of(self._one)).score + fit_term(self._two, then.of(self._two)).score
+
+    def score(self, one: TermFit) -> float:
+        """The score of one term, the floor at its best with it and without."""
+        without = TermSpaces(self.bare, self.bare.fit().floor).of(one.term).space
+        return one.score + self._spaces.of(one.term).space.profile - without.profile
+
+    def rivals(self, one: TermFit, former: Sequence[TermFit], levels: tuple[str, ...]) -> tuple[TermFit, ...]:
+        """Those of the terms that could not be told from either which cannot be told from one term, on its axes."""
+        terms = {f.term.family: _on_axes_of(f.term, one.term) for f in former if f.term.family != one.term.family}
+        fits = [with_levels(refine(t, self._spaces.of(t)), self._spaces.of(t), levels) for t in terms.values()]
+        return other_families([f for f in fits if f.score > one.score - SET_NATS], one)
+
+
+def _on_axes_of(term: Term, like: Term) -> Term:
+    """A term with the coefficients that act where another's do."""
+    same = term.factors[0].layout == like.factors[0].layout
+    places = {(c.i, c.j if same else 0) for c in like.columns}
+    return term.with_axes({c.label for c in columns_of(*term.factors) if (c.i, c.j if same else 0) in places})
