@@ -28,6 +28,17 @@ def test_shortest_brings_any_face_up(axis: np.ndarray) -> None:
     assert np.linalg.det(R) == pytest.approx(1)
 
 
+@pytest.mark.parametrize("opposite", [True, False])
+def test_shortest_turns_any_vectors_at_once(opposite: bool) -> None:
+    a, b = np.random.default_rng(3).normal(size=(2, 50, 3))
+    a, b = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (a, b))
+    b = -a if opposite else b
+    R = rotation.shortest(a, b)
+    np.testing.assert_allclose(np.einsum("vij,vj->vi", R, a), b, atol=1e-14)
+    angle = np.linalg.norm(rotation.to_vector(R), axis=1)
+    np.testing.assert_allclose(angle, np.arccos(np.clip(np.sum(a * b, axis=1), -1, 1)), atol=1e-7)
+
+
 @given(vectors)
 def test_a_rotation_vector_gives_a_proper_rotation_that_keeps_its_axis(v: np.ndarray) -> None:
     R = rotation.from_vector(v)

@@ -43,16 +43,20 @@ def about(axis: Array, angle_deg: float) -> Array:
 
 
 def shortest(a: Array, b: Array) -> Array:
-    """The shortest rotation that turns unit vector a into b; opposite vectors turn about the next axis."""
+    """The shortest rotations (…, 3, 3) of unit vectors a into b (…, 3); opposite ones turn about an axis across."""
     a, b = np.asarray(a, float), np.asarray(b, float)
-    axis = np.cross(a, b)
-    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
-    if sine < 1e-12:
-        if cosine > 0:
-            return np.eye(3)
-        # Any axis across will do; x for ±z, y for ±x, z for ±y keeps it predictable.
-        return about(np.roll(np.abs(np.round(a)), 1), 180.0)
-    return from_vector(axis / sine * np.arctan2(sine, cosine))
+    axis = (cross_matrix(a) @ b[..., None])[..., 0]
+    sine, cosine = np.linalg.norm(axis, axis=-1, keepdims=True), np.sum(a * b, axis=-1, keepdims=True)
+    apart = sine >= 1e-12
+    turn = np.where(apart, axis / np.where(apart, sine, 1.0) * np.arctan2(sine, cosine), 0.0)
+    return from_vector(np.where(~apart & (cosine < 0), np.pi * _across(a), turn))
+
+
+def _across(a: Array) -> Array:
+    """Unit vectors (…, 3) across others. Any will do; x for ±z, y for ±x, z for ±y keeps it predictable."""
+    following = np.eye(3)[(np.argmax(np.abs(a), axis=-1) + 1) % 3]
+    found = following - np.sum(following * a, axis=-1, keepdims=True) * a
+    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
 
 def to_vector(R: Array) -> Array:
