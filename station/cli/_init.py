@@ -12,10 +12,11 @@ from station.cli import _output
 from station.config.search_path import shipped_folder
 from station.domain.can.signals import FrameLayout
 from station.domain.product.draft import frame_roles, map_objects
+from station.domain.product.draft.axis_objects import axis_offsets, readings_pdo
 from station.domain.product.draft.dbc_text import dbc_text
 from station.domain.product.draft.frame_roles import FrameRoles
 from station.domain.product.draft.map_objects import MapObjects
-from station.domain.product.draft.product_text import ProductDraft, product_text
+from station.domain.product.draft.product_text import ProductDraft, product_text, scalar
 from station.domain.product.draft.recipe_text import recipe_text
 from station.errors import InputError, ProductError, UsageError
 from station.messages import Message, render, system_reason
@@ -29,6 +30,13 @@ RECIPES: Mapping[str, str] = {
     "accelerometer": "six-point", "magnetometer": "magnetometer-six-point", "gyroscope": "gyroscope-six-point",
     "inclinometer": "inclinometer-n-point",
 }  # fmt: skip
+#: The same for a device that keeps offsets and no gains.
+OFFSET_RECIPES: Mapping[str, str] = {
+    "accelerometer": "one-point", "magnetometer": "magnetometer-one-point", "gyroscope": "gyroscope-one-point",
+    "inclinometer": "inclinometer-zero",
+}  # fmt: skip
+#: Characters of a product's name that leave its recipes' names within what a recipe's may have.
+LONGEST_NAME = 64 - max(len(f"-{recipe}") for recipe in (*RECIPES.values(), *OFFSET_RECIPES.values()))
 #: Node of the first nest, and the last that there may be (CiA 301).
 FIRST_NODE, LAST_NODE = 0x11, 127
 #: So many proposals are shown to choose from.
@@ -123,8 +131,10 @@ def _completed(request: InitRequest) -> InitRequest:
     if request.sensor is not None and request.sensor not in RECIPES:
         raise UsageError("init-unknown-sensor", sensor=request.sensor[:40], known=tuple(RECIPES))
     source = request.dbc or request.eds
+    if request.name is not None and len(request.name) > LONGEST_NAME:
+        raise UsageError("init-name-too-long", name=request.name[:40], count=len(request.name), limit=LONGEST_NAME)
     name = request.name or ("my-sensor" if source is None else source.stem)
-    return replace(request, name=re.sub(r"[^\w\-]+", "-", name).strip("-").lower() or "product")
+    return replace(request, name=re.sub(r"[^\w\-]+", "-", name)[:LONGEST_NAME].strip("-").lower() or "product")
 
 
 def _ask_file(question: str) -> Path | None:
@@ -139,10 +149,11 @@ def _from_nothing(request: InitRequest) -> DraftFiles:
     shipped, name = shipped_folder(), request.name
     recipe = f"{name}-six-point"
     product = (shipped / "dbc" / f"{EXAMPLE}.yaml").read_text(encoding="utf-8")
-    product = re.sub(rf"^(name|eds|  dbc): {EXAMPLE}", rf"\1: {name}", product, flags=re.MULTILINE)
+    product = re.sub(rf"^(eds|  dbc): {EXAMPLE}", rf"\1: {name}", product, flags=re.MULTILINE)
+    product = re.sub(rf"^name: {EXAMPLE}", f"name: {scalar(name)}", product, flags=re.MULTILINE)
     text = (shipped / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
-    text = re.sub(r"^name: \S+", f"name: {recipe}", text, flags=re.MULTILINE)
-    text = re.sub(rf"^product: {EXAMPLE} *#.*$", f"product: {name}", text, flags=re.MULTILINE)
+    text = re.sub(r"^name: \S+", f"name: {scalar(recipe)}", text, flags=re.MULTILINE)
+    text = re.sub(rf"^product: {EXAMPLE} *#.*$", f"product: {scalar(name)}", text, flags=re.MULTILINE)
     texts = {
         Path("dbc") / f"{name}.yaml": product.encode(),
         Path("dbc") / f"{name}.dbc": (shipped / "dbc" / f"{EXAMPLE}.dbc").read_bytes(),
@@ -161,16 +172,19 @@ def _from_files(request: InitRequest) -> DraftFiles:
         names = ", ".join(place for place in roles.places() if place)
         unit = frame_roles.unit_of_sensor(roles.sensor)
         raise ProductError("init-counts", dbc=str(request.dbc), message=roles.message.name, signals=names, unit=unit)
-    eds = None if request.eds is None else read_dictionary(request.eds, roles.node, frozenset())
-    objects = MapObjects(None, None)
-    if eds is not None and request.eds is not None:
-        objects = map_objects.find(eds, object_titles(request.eds))
+    eds, objects, pdo, offsets = None, MapObjects(None, None), None, None
+    if request.eds is not None:
+        eds, titles = read_dictionary(request.eds, roles.node, frozenset()), object_titles(request.eds)
+        objects, pdo = map_objects.find(eds, titles), readings_pdo(roles, eds, titles)
+        offsets = None if pdo is None or objects.offset else axis_offsets(pdo.readings, eds, titles)
     source = request.dbc.name if request.eds is None else f"{request.dbc.name} and {request.eds.name}"
     temperature = frame_roles.temperature_of(layouts, roles)
+    read_layouts(request.dbc, frame_roles.proposed_signals(roles, temperature))  # a mistake is one of the given file
     node = FIRST_NODE if eds is None else roles.node  # without a node id the first nest has the DBC's own identifiers
-    draft = ProductDraft(request.name, roles, node, temperature, eds, objects, source)
-    recipe = "-".join((request.name, *RECIPES[roles.sensor].split("-")[-2:]))
-    template = (shipped_folder() / "recipes" / f"{RECIPES[roles.sensor]}.yaml").read_text(encoding="utf-8")
+    draft = ProductDraft(request.name, roles, node, temperature, eds, objects, source, pdo, offsets)
+    shipped = (OFFSET_RECIPES if draft.offsets_only else RECIPES)[roles.sensor]
+    recipe = f"{request.name}-{shipped.removeprefix(f'{roles.sensor}-')}"
+    template = (shipped_folder() / "recipes" / f"{shipped}.yaml").read_text(encoding="utf-8")
     unit = frame_roles.unit_of_sensor(roles.sensor)
     texts = {
         Path("dbc") / f"{request.name}.yaml": product_text(draft).encode(),

@@ -13,7 +13,7 @@ def product_path(name: str, near: Path | None = None) -> Path:
     """The file of a product by name, searched around the recipe `near`, here, and as shipped."""
     if re.fullmatch(r"\w[\w.+\- ]*", name) is None:
         raise ProductError("product-name-not-plain", name=repr(name[:40]))
-    return find_file(f"{name}.yaml", "dbc", near, ProductError)
+    return find_file(name if name.endswith(".yaml") else f"{name}.yaml", "dbc", near, ProductError)
 
 
 def load_product(name: str, near: Path | None = None) -> Product:

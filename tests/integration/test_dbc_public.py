@@ -9,6 +9,7 @@ from cantools.database.errors import Error
 
 from station.adapters.canopen.eds import load
 from station.adapters.dbc import read_layouts
+from station.domain.core.types import EXTENDED
 from station.errors import ProductError
 from tests.unit.test_frames_lint import DBC
 
@@ -125,3 +126,14 @@ def test_what_an_eds_says_of_other_objects_is_no_reason_to_refuse_it(tmp_path: P
     assert (0x2002, 0) not in found
     with pytest.raises(ProductError, match="0x2001:00 has the data type"):
         load(path, 5, frozenset({(0x2001, 0)}))
+
+
+def test_a_car_whose_identifiers_all_lack_the_flag_of_29_bits_is_read(tmp_path: Path) -> None:
+    """More of them than there are repairs."""
+    message = 'BO_ {} M{}: 8 A\n SG_ V : 0|8@1+ (1,0) [0|255] "" A\n'
+    path = tmp_path / "car.dbc"
+    path.write_text('VERSION ""\nBU_: A\n' + "".join(message.format(0x12DD5400 + i, i) for i in range(100)))
+    found = read_layouts(path, {})
+    assert [layout.can_id for layout in found.values()] == [EXTENDED | 0x12DD5400 + i for i in range(100)]
+    with pytest.raises(ProductError, match="more than 11 bits in message M7"):
+        read_layouts(path, {"M7": ("V",)})

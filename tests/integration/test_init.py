@@ -11,7 +11,7 @@ from station.config.search_path import shipped_folder
 from station.domain.product.draft import frame_roles
 from station.domain.product.draft.axis_names import angle_of, axis_of
 from station.errors import ProductError, UsageError
-from station.wiring.jobs import load_job
+from station.wiring.jobs import check_product, load_job
 from station.wiring.product_files import read_layouts
 
 SHIPPED = shipped_folder() / "dbc"
@@ -163,6 +163,16 @@ def test_a_device_that_only_sends_passes_with_its_axes_in_two_messages_and_its_t
     assert "node: 0x13" in config
 
 
+def test_a_long_file_name_gives_a_name_that_fits_and_one_that_is_given_is_refused(here: Path) -> None:
+    name = f"rover-of-{'very-' * 12}many-words"
+    (here / f"{name}.dbc").write_text(SENDER, "cp1252")
+    assert run_command(["init", "--dbc", f"{name}.dbc", "--no-run"]) == 0
+    (product,) = (here / "dbc").glob("*.yaml")
+    assert name.startswith(product.stem)
+    with pytest.raises(UsageError, match=f"has {len(name)} characters; a product's may have 41"):
+        run_command(["init", name, "--dbc", f"{name}.dbc"])
+
+
 TILTS = """VERSION ""
 NS_ :
 BS_:
@@ -284,3 +294,52 @@ def test_a_device_that_only_sends_cannot_keep_a_calibration(here: Path) -> None:
     product.write_text(product.read_text("utf-8").replace("serial: label", "serial: {index: 0x1018, sub: 4}"), "utf-8")
     with pytest.raises(ProductError, match="protocol: none means that the device only sends"):
         load_job("recipes/rover-six-point.yaml")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["siko-ik360", "ifm-cr2101", "balluff-bsi-r65k0", "balluff-bsi-r65k0-rate", "sick-tmm88d", "dis-qg65"],
+)
+def test_a_published_device_is_drafted_as_its_product_was_written_by_hand(name: str, here: Path) -> None:
+    files = SHIPPED / "examples" / name
+    run_command(["init", "--no-run", "--dbc", f"{files}.dbc", "--eds", f"{files}.eds"])
+    drafted, written = (
+        check_product(str(p))[0].map for p in (here / "dbc" / f"{name}.yaml", files.with_suffix(".yaml"))
+    )
+    assert drafted.preset == written.preset
+    assert [n.address for _, n in drafted.coefficients()] == [n.address for _, n in written.coefficients()]
+    assert drafted.pdo == written.pdo
+    assert {s.name for s in drafted.settings} == {s.name for s in written.settings if s.calibrating != 1}
+    recipe = next((here / "recipes").glob("*.yaml"))
+    assert (load_job(recipe)[0].recipe.method == "one-point") == (written.offset is not None)
+
+
+def test_angles_of_the_recipe_stay_within_the_range_of_an_inclinometer(here: Path) -> None:
+    files = SHIPPED / "examples" / "ifm-cr2101"
+    eds = here / "no-zero.eds"
+    eds.write_text(files.with_suffix(".eds").read_text("latin-1").replace("zero point", "mean"), "latin-1")
+    run_command(["init", "--no-run", "--dbc", f"{files}.dbc", "--eds", str(eds), "tilt"])
+    recipe = load_job("recipes/tilt-n-point.yaml")[0].recipe
+    assert [p.name for p in recipe.positions[:5]] == ["level", "x+13", "x-13", "x+27", "x-27"]
+
+
+def test_a_dbc_that_is_wrong_where_the_readings_are_is_refused_before_anything_is_written(here: Path) -> None:
+    text = (SHIPPED / "accelerometer.dbc").read_text("utf-8")
+    line = next(line for line in text.splitlines() if line.startswith(" SG_ X "))
+    (here / "twice.dbc").write_text(text.replace(line, f"{line}\n{line}"), "utf-8")
+    with pytest.raises(ProductError, match=r"^twice\.dbc, line \d+: The signals X and X are overlapping"):
+        run_command(["init", "one", "--no-run", "--dbc", "twice.dbc"])
+    assert [p.name for p in here.iterdir()] == ["twice.dbc"]
+
+
+@pytest.mark.parametrize("name", ["1e400", "null", "0x11"])
+def test_a_name_that_yaml_takes_for_a_number_stays_a_name(name: str, here: Path) -> None:
+    assert run_command(["init", name, "--no-run"]) == 0
+    assert load_job(f"recipes/{name}-six-point.yaml")[0].product.name == name
+
+
+def test_a_device_that_cannot_be_told_to_save_is_not_told(here: Path) -> None:
+    text = (SHIPPED / "accelerometer.eds").read_text("latin-1").replace("[1010", "[2F10").replace("0x1010", "0x2F10")
+    (here / "maker.eds").write_text(text, "latin-1")
+    run_command(["init", "one", "--no-run", "--dbc", str(SHIPPED / "accelerometer.dbc"), "--eds", "maker.eds"])
+    assert load_job("recipes/one-six-point.yaml")[0].product.map.save is None

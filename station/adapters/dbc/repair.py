@@ -3,12 +3,16 @@
 import re
 from collections.abc import Collection
 
+from station.domain.core.types import EXTENDED
+
 #: Statements blanked in one file before it is given up.
 MOST_REPAIRS = 60
 _AT_LINE = re.compile(r"at line (\d+)")
 #: A value table or a type of a signal that is not there, as the complaint lists it.
 _UNUSED = re.compile(r"^\s*(VAL_|SIG_VALTYPE_) (\d+) (\w+)", re.MULTILINE)
 _MESSAGE = re.compile(r"^\s*BO_\s+(\d+)\s+(\S+?)\s*:")
+#: The largest identifier of 11 bits.
+_MOST_STANDARD = 0x7FF
 _KEYWORD = re.compile(r"^\s*(?:BO_|SG_|CM_|BA_|VAL_|BA_DEF|SIG_|EV_|BU_|ENVVAR|SGTYPE|BO_TX|NS_|BS_|VERSION)")
 
 
@@ -26,14 +30,17 @@ def without_fault(text: str, why: str, used: Collection[str]) -> str | None:
     named = [i for i, line in enumerate(lines) if (m := _MESSAGE.match(line)) and _ends_with(why, m[2])]
     if not named or _name(lines[named[0]]) in used:
         return None
-    if "more than 11 bits" in why:  # the flag of a 29-bit identifier is missing
-        return "\n".join(_extended(line) if i in named else line for i, line in enumerate(lines))
+    if "more than 11 bits" in why:  # the flag of 29-bit identifiers is missing: who forgets one forgets them all
+        return "\n".join(line if _name(line) in used else _extended(line) for line in lines)
     return _blanked(lines, {row for i in named for row in _block(lines, i)})
 
 
 def _extended(line: str) -> str:
-    """A message with the flag of a 29-bit identifier."""
-    return _MESSAGE.sub(lambda m: m[0].replace(m[1], str(int(m[1]) & 0x1FFF_FFFF | 0x8000_0000), 1), line)
+    """A message with the flag of a 29-bit identifier where it needs one; any other line as it is."""
+    message = _MESSAGE.match(line)
+    if message is None or not _MOST_STANDARD < int(message[1]) < EXTENDED:
+        return line
+    return line.replace(message[1], str(int(message[1]) & 0x1FFF_FFFF | EXTENDED), 1)
 
 
 def _ends_with(why: str, name: str) -> bool:

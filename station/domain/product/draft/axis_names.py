@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 _WORDS = {
-    "roll": "x", "pitch": "y", "yaw": "z", "longitudinal": "x", "lateral": "y", "vertical": "z",
+    "roll": "x", "pitch": "y", "yaw": "z", "longitudinal": "x", "lateral": "y", "transverse": "y", "vertical": "z",
     "long": "x", "lat": "y", "vert": "z",
 }  # fmt: skip
 _TILTS = {"pitch": "x", "roll": "y"}

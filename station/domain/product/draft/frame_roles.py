@@ -91,6 +91,17 @@ class FrameRoles:
         return (plain & 0x7F) or 1 if tpdo else 1
 
 
+def proposed_signals(
+    roles: FrameRoles, temperature: tuple[FrameLayout, SignalLayout] | None
+) -> dict[str, frozenset[str]]:
+    """The signals that a product of these roles reads, by message."""
+    frames = roles.frames or (roles.message,) * len(roles.signals)
+    places = [(frame.name, s) for frame, s in zip(frames, roles.signals, strict=True)]
+    places += [(roles.message.name, roles.counter), (roles.message.name, roles.status)]
+    places += [] if temperature is None else [(temperature[0].name, temperature[1])]
+    return {name: frozenset(s.name for of, s in places if of == name and s is not None) for name, _ in places}
+
+
 def unit_of_sensor(sensor: str) -> str:
     """The unit of a kind of sensor. Errors: UsageError for an unknown one."""
     return cast(type[Sensor], plugins.load(PACKAGE, sensor)).unit

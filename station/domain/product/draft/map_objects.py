@@ -8,12 +8,12 @@ from station.domain.product.device_map import CELLS
 from station.domain.product.object_dictionary import ObjectDictionary, ObjectEntry
 
 #: CiA 301: the identity object, the commands that store and restore, the date of the configuration.
-IDENTITY, STORE, RESTORE, CONFIGURATION, TIMER = 0x1018, 0x1010, 0x1011, 0x1020, 0x1800
+IDENTITY, STORE, RESTORE, CONFIGURATION = 0x1018, 0x1010, 0x1011, 0x1020
 #: The manufacturer's and the device profiles' objects; those of communication keep no calibration.
 FIRST_OWN = 0x2000
 _CALIBRATION = r"cal(?![a-z])|calib|correct|compens|coeff|matrix"
 _MATRIX = re.compile(r"matrix|gain|scale(?! ?range)|sensitiv|slope|misalign|cross", re.IGNORECASE)
-_OFFSET = re.compile(r"offset|bias|zero", re.IGNORECASE)
+OFFSET = re.compile(r"offset|bias|zero", re.IGNORECASE)
 _WORD = re.compile(_CALIBRATION, re.IGNORECASE)
 _NOT_STORED = re.compile(r"reading|measur|actual|raw|output|position|velocity|velo|current|torque|home", re.IGNORECASE)
 _SINGLE: Mapping[str, re.Pattern[str]] = {
@@ -25,7 +25,7 @@ _SINGLE: Mapping[str, re.Pattern[str]] = {
     "record": re.compile(r"calib\w* (record|id|certificate)|certificate", re.I),
 }
 #: Types that numbers are kept in.
-_NUMBERS = ("INT8", "INT16", "INT32", "REAL32", "REAL64", "UINT8", "UINT16", "UINT32")
+NUMBERS = ("INT8", "INT16", "INT32", "REAL32", "REAL64", "UINT8", "UINT16", "UINT32")
 _NINE, _THREE = 9, 3
 
 
@@ -50,7 +50,8 @@ class BlockObjects:
 
 @dataclass(frozen=True, slots=True)
 class MapObjects:
-    """What the EDS offers. matrix, offset: None where nothing looks like it; single: objects by key of the map."""
+    """What the EDS offers. matrix, offset: None where nothing looks like it, matrix also where no offset does; single:
+    objects by key of the map."""
 
     matrix: BlockObjects | None
     offset: BlockObjects | None
@@ -61,14 +62,14 @@ def find(dictionary: ObjectDictionary, titles: Mapping[int, str]) -> MapObjects:
     """The likeliest objects. titles: name of each object by its index."""
     blocks = list(_blocks(dictionary, titles))
     matrix = _best(blocks, _MATRIX, (_NINE, _THREE))
-    offset = _best([b for b in blocks if b is not matrix], _OFFSET, (_THREE,))
+    offset = _best([b for b in blocks if b is not matrix], OFFSET, (_THREE,))
     own = [e for e in dictionary.entries.values() if e.index >= FIRST_OWN]
     single = dict[str, ObjectEntry]()
     for key, pattern in _SINGLE.items():
         found = (e for e in own if e.sub == 0 and _fits(key, e) and pattern.search(titles.get(e.index, e.name)))
         if (entry := next(found, None)) is not None:
             single[key] = entry
-    return MapObjects(matrix if offset else None, offset if matrix else None, single)
+    return MapObjects(matrix if offset else None, offset, single)
 
 
 def _fits(key: str, entry: ObjectEntry) -> bool:
@@ -78,14 +79,14 @@ def _fits(key: str, entry: ObjectEntry) -> bool:
         return entry.type_name == "UINT32" and entry.readable
     if key == "unlock":
         return entry.writable and entry.type_name.startswith("UINT")
-    return entry.writable and entry.type_name in _NUMBERS
+    return entry.writable and entry.type_name in NUMBERS
 
 
 def _blocks(dictionary: ObjectDictionary, titles: Mapping[int, str]) -> Iterator[BlockObjects]:
     """Three or nine numbers of one type that may be written, in one object."""
     by_index: dict[int, list[ObjectEntry]] = {}
     for (index, sub), entry in sorted(dictionary.entries.items()):
-        if index >= FIRST_OWN and sub > 0 and entry.writable and entry.type_name in _NUMBERS:
+        if index >= FIRST_OWN and sub > 0 and entry.writable and entry.type_name in NUMBERS:
             by_index.setdefault(index, []).append(entry)
     for index, entries in by_index.items():
         if len(entries) in (_NINE, _THREE) and len({e.type for e in entries}) == 1:

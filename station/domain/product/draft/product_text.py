@@ -2,22 +2,28 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.product.draft.axis_objects import RESOLUTION, SLOPES, AxisOffsets, ReadingsPdo
 from station.domain.product.draft.frame_roles import FrameRoles, unit_of_sensor
 from station.domain.product.draft.map_objects import (
     CONFIGURATION,
     IDENTITY,
     RESTORE,
     STORE,
-    TIMER,
     BlockObjects,
     MapObjects,
 )
 from station.domain.product.object_dictionary import ObjectDictionary, ObjectEntry
+from station.domain.product.sending_pdo import COMMUNICATION, EVENT_TIMER
+from station.domain.recognition.quantities import unit_factor
 
+#: A device that waits for SYNC is made to send so often by itself, on the last transmission type (CiA 301).
+EVENT_TIMER_MS, BY_ITSELF = 10, 255
+#: Of a slope's operating parameter (CiA 410): scaling on, so that preset and offset count.
+_SCALING_ON = 2
 #: Where a line's comment begins, where there is room.
 COMMENT_COLUMN = 60
 _PLAIN = re.compile(r"[A-Za-z_][\w.\-]*")
@@ -27,7 +33,7 @@ _WORDS = ("true", "false", "null", "none")
 @dataclass(frozen=True, slots=True)
 class ProductDraft:
     """What a product file is written from. node: whose identifiers the DBC has; eds: None where there is none; source:
-    the files, in words."""
+    the files, in words; pdo, axis_offsets: None where the EDS offers none."""
 
     name: str
     roles: FrameRoles
@@ -36,11 +42,28 @@ class ProductDraft:
     eds: ObjectDictionary | None
     objects: MapObjects
     source: str
+    pdo: ReadingsPdo | None = None
+    axis_offsets: AxisOffsets | None = None
 
     @property
     def stores(self) -> bool:
         """Whether the device keeps a calibration, as far as the EDS says."""
-        return self.objects.matrix is not None
+        return self.objects.offset is not None or self.axis_offsets is not None
+
+    @property
+    def offsets_only(self) -> bool:
+        """Whether it keeps offsets and no gains."""
+        return self.stores and self.objects.matrix is None
+
+    @property
+    def communication(self) -> int:
+        """Index of the communication parameters of the readings' TPDO."""
+        return COMMUNICATION + (0 if self.pdo is None else self.pdo.number)
+
+    @property
+    def makes_send(self) -> bool:
+        """Whether the readings' TPDO must be made to come by itself."""
+        return self.pdo is not None and not self.pdo.by_itself
 
     @property
     def diagonal(self) -> bool:
@@ -119,11 +142,14 @@ def _default(eds: ObjectDictionary, index: int, sub: int) -> int:
 def _map(draft: ProductDraft) -> Iterator[str]:
     yield "map:"
     found = draft.objects
-    if found.matrix is not None and found.offset is not None:
+    if found.offset is not None:
         yield "  stores: forward  # check: measured = A * true + b; or inverse, inverse-add"
-        yield from _block("matrix", found.matrix, diagonal=draft.diagonal)
+        if found.matrix is not None:
+            yield from _block("matrix", found.matrix, diagonal=draft.diagonal)
         yield from _block("offset", found.offset, diagonal=False)
         yield from _singles(found.single)
+    elif draft.axis_offsets is not None:
+        yield from _offsets_of_axes(draft, draft.axis_offsets)
     else:
         if draft.eds is None:
             yield "  protocol: none  # no EDS: the device only sends; it is measured and certified"
@@ -175,6 +201,8 @@ def _communication(draft: ProductDraft) -> Iterator[str]:
     if draft.stores:
         if (STORE, 1) in entries:
             yield "  save: {index: 0x1010, sub: 1, timeout_s: 5}"
+        else:
+            yield "  save: null  # check: the EDS has no 0x1010: what is written must last by itself"
         if (RESTORE, 1) in entries:
             yield "  restore: {index: 0x1011, sub: 1, timeout_s: 5}"
         if (CONFIGURATION, 1) in entries and entries[CONFIGURATION, 1].writable:
@@ -183,10 +211,72 @@ def _communication(draft: ProductDraft) -> Iterator[str]:
         yield r"  serial: {index: 0x1018, sub: 4, kind: number, printed: '(\d+)$'}  # check: SN0042 is 42"
     else:
         yield "  serial: label  # the device keeps none"
-    timer = entries.get((TIMER, 5))
-    if timer is not None and timer.writable:
+    yield from _settings(draft)
+    yield from _pdo(draft)
+
+
+def _offsets_of_axes(draft: ProductDraft, found: AxisOffsets) -> Iterator[str]:
+    """A zero alone: one object an axis, written, or brought about by presets."""
+    assert draft.pdo is not None
+    slopes = draft.pdo.readings[0].index in SLOPES
+    note = "CiA 410: taken off what is shown" if slopes else "check: added to what is shown, or taken off it"
+    yield f"  offset: {_one_each(found.offsets, draft, sign=-1 if slopes else 1)}  # {note}"
+    if found.commands:
+        yield "  preset:  # CiA 410: the device works its offset out"
+        yield f"    command: {_one_each(found.commands, draft, sign=1)}"
+        yield f"    reading: {_one_each(draft.pdo.readings, draft, sign=1)}"
+    yield "  output: none  # check: no object of the EDS looks like a switch between raw and compensated readings"
+    yield "  sends: compensated"
+
+
+def _one_each(entries: Sequence[ObjectEntry], draft: ProductDraft, *, sign: int) -> str:
+    first, *others = entries
+    words = [f"index: 0x{first.index:04X}, sub: {first.sub}, axes: {len(entries)}, type: {first.type_name}"]
+    words.append(f"scale: {_step(draft):.12g}")
+    words += ["sign: -1"] if sign < 0 else []
+    each = (f"{axis}: {{index: 0x{e.index:04X}, sub: {e.sub}}}" for axis, e in zip("yz", others, strict=False))
+    return f"{{{', '.join(words)}, each: {{{', '.join(each)}}}}}"
+
+
+def _step(draft: ProductDraft) -> float:
+    """The value of one count of the readings, in the sensor's unit."""
+    unit = unit_of_sensor(draft.roles.sensor)
+    signal = next(s for s in draft.roles.signals if s is not None)
+    return abs(signal.scale) * (unit_factor(draft.roles.unit or unit, unit) or 1.0)
+
+
+def _settings(draft: ProductDraft) -> Iterator[str]:
+    lines = []
+    timer = None if draft.eds is None else draft.eds.entries.get((draft.communication, EVENT_TIMER))
+    if timer is not None and timer.writable and not draft.makes_send:
+        lines.append(f"name: event timer of the readings, index: 0x{timer.index:04X}, sub: 5, type: {timer.type_name}")
+    lasting = "in_verification: true"
+    if draft.axis_offsets is not None and draft.eds is not None:
+        resolution = draft.eds.entries.get(RESOLUTION)
+        if resolution is not None and resolution.writable and draft.axis_offsets.operating:
+            kind = resolution.type_name
+            lines.append(
+                f"name: resolution, index: 0x6000, type: {kind}, calibrating: {_step(draft) * 1000:g}, {lasting}"
+            )
+        for axis, e in zip("xy", draft.axis_offsets.operating, strict=False):
+            scaling = f"name: scaling of {axis}, index: 0x{e.index:04X}, type: {e.type_name}"
+            lines.append(f"{scaling}, calibrating: {_SCALING_ON}, {lasting}")
+    if lines:
         yield "  settings:"
-        yield f"    - {{name: event timer of the readings, index: 0x1800, sub: 5, type: {timer.type_name}}}"
+    yield from (f"    - {{{line}}}" for line in lines)
+
+
+def _pdo(draft: ProductDraft) -> Iterator[str]:
+    """What the TPDO needs to send the message that the DBC has, without SYNC."""
+    if draft.pdo is None or not (draft.pdo.mapping or draft.makes_send):
+        return
+    words = [f"number: {draft.pdo.number + 1}"]
+    if draft.makes_send:
+        words.append(f"transmission: {BY_ITSELF}, event_timer_ms: {EVENT_TIMER_MS}")
+    if draft.pdo.mapping:
+        words.append(f"mapping: [{', '.join(f'0x{entry:08X}' for entry in draft.pdo.mapping)}]")
+    yield "  pdo:  # check: set for the run, put back after it"
+    yield f"    - {{{', '.join(words)}}}"
 
 
 def _aligned(line: str) -> str:

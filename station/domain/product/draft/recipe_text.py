@@ -3,8 +3,8 @@
 import re
 
 from station.domain.can.signals import SignalLayout
-from station.domain.product.draft.map_objects import TIMER
-from station.domain.product.draft.product_text import ProductDraft, scalar
+from station.domain.product.draft.product_text import EVENT_TIMER_MS, ProductDraft, scalar
+from station.domain.product.sending_pdo import EVENT_TIMER
 from station.domain.recognition.quantities import QUANTITIES, unit_factor
 
 #: Readings a second where neither file says it.
@@ -16,6 +16,9 @@ WIDE = 0.05
 _VERIFY = re.compile(r"^verify:.*\n(?: .*\n|\n)*", re.MULTILINE)
 #: A sensor must reach so many times what it feels at rest: its gain and offset are not nominal.
 ROOM = 1.2
+#: The widest angle of the shipped recipe of an inclinometer.
+WIDEST_DEG = 60
+_ANGLE = re.compile(r"((?:name: [xy][+-])|(?:angle_deg: -?))(\d+)")
 _LIMIT = re.compile(r"^(\s*(?:residual|noise|limit): )([0-9.eE+-]+)", re.MULTILINE)
 
 
@@ -35,6 +38,7 @@ def recipe_text(draft: ProductDraft, template: str, name: str, unit: str) -> str
             r"^(device: .*)$", r"# check `convention`: what an angle is (docs/recipes.md)\n\1", text, flags=re.M
         )
         text = re.sub(r"^(  (?:gain|cross_axis): ).*$", rf"\g<1>{WIDE}  # check", text, flags=re.M)
+        text = _within(text, full_scale)
     if draft.diagonal:
         text = re.sub(r"^(method: .*)$", r"\1\nmodel: offset-gain  # the device keeps gains only", text, flags=re.M)
         text = re.sub(r"^  cross_axis: .*\n", "", text, flags=re.M)
@@ -47,6 +51,12 @@ def _set_aside(verify: re.Match[str]) -> str:
     """The verification as a comment: without a calibration in the device there is nothing to verify."""
     lines = (f"# {line}" for line in verify[0].rstrip().splitlines())
     return "\n".join(("# Once the map says where the device keeps its calibration:", *lines)) + "\n"
+
+
+def _within(text: str, full_scale_deg: float) -> str:
+    """The positions with their angles made so small that the readings stay within the sensor's range."""
+    part = min(1.0, full_scale_deg / (ROOM * WIDEST_DEG))
+    return _ANGLE.sub(lambda m: f"{m[1]}{max(1, int(part * int(m[2])))}", text)
 
 
 def _device(text: str, draft: ProductDraft, lsb: float, full_scale: float) -> str:
@@ -71,9 +81,9 @@ def _device(text: str, draft: ProductDraft, lsb: float, full_scale: float) -> st
 
 
 def _rate_hz(draft: ProductDraft) -> float | None:
-    """By the event timer of the readings' PDO."""
-    timer = None if draft.eds is None else draft.eds.entries.get((TIMER, 5))
-    milliseconds = timer.default if timer is not None else 0
+    """By the event timer of the readings' PDO, as the EDS or the draft's own map has it."""
+    timer = None if draft.eds is None else draft.eds.entries.get((draft.communication, EVENT_TIMER))
+    milliseconds = EVENT_TIMER_MS if draft.makes_send else timer.default if timer is not None else 0
     return 1000 / milliseconds if isinstance(milliseconds, int | float) and milliseconds > 0 else None
 
 
