@@ -1,13 +1,10 @@
 """A reader's language, as what is drawn and certified needs it."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from station.errors import UsageError
-from station.messages import Message, labels, render, templates
-
-_BETWEEN = re.compile(r"[^a-z0-9]+")
+from station.messages import Message, labels, render, templates, term, term_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,19 +23,9 @@ class Words:
         return term(name, self.code)
 
 
-def term(name: str, code: str) -> str:
-    """The same for the language of that code."""
-    return templates(code).get(_term_id(name), name)
-
-
 def term_message(name: str) -> Message:
     """The same as a message, to stand in another."""
-    return Message(_term_id(name)) if _term_id(name) in templates("en") else Message.text(name)
-
-
-def _term_id(name: str) -> str:
-    plain = name.lower().replace("σ", "sigma").replace("−", "minus")
-    return f"term-{_BETWEEN.sub('-', plain).strip('-')}"
+    return Message(term_id(name)) if term_id(name) in templates("en") else Message.text(name)
 
 
 def words_of(code: str) -> Words:

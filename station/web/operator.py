@@ -14,11 +14,10 @@ from starlette.routing import Route
 
 from station.domain.methods import coefficients
 from station.errors import StationError, UsageError
-from station.messages import Message
+from station.messages import Message, term
 from station.messages.labels import all_texts
 from station.panel_protocol.accounts import Account
 from station.reporting.drawing.code128 import code128
-from station.reporting.words import term
 from station.web import language, render
 from station.web.guard import RequestRefusal, form_of, require_right, session_of
 from station.web.operator_actions import ACTIONS, ActionForm, PassedAlready

@@ -13,10 +13,9 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse
 
 from station.domain.records.stored_attempt import utc
-from station.messages import Message, labels
+from station.messages import Message, labels, term
 from station.panel_protocol.accounts import RIGHTS
 from station.reporting.number_text import format_number, format_time, format_to_uncertainty
-from station.reporting.words import term
 from station.service import time_text
 from station.web import language
 from station.web.sessions import Session

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from station.messages import Message, render
-from station.reporting.words import term
+from station.messages import Message, render, term
 
 #: Room that the bar leaves beyond its ends, as a share of what it shows.
 _MARGIN = 0.08

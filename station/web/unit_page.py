@@ -1,5 +1,6 @@
 """A unit's page: why its attempt ended as it did, first; everything else that was done to it below, hashes folded."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -46,11 +47,12 @@ def _gather(panel: Panel, serial: str, wanted: str, words: Words) -> dict[str, A
         row = next(a for a in log.attempts(Query(serial=serial)) if a.attempt == chosen["attempt"])
         day = _day_of(panel, log, row)
         load = _load_of(log, row)
-    return {**_why(chosen, day, words), "a": chosen, "lives": lives[::-1], "load": load, **_history(lives)}
+        unit = str(json.loads(log.recipe_and_product(row)[0])["unit"])
+    return {**_why(chosen, unit, day, words), "a": chosen, "lives": lives[::-1], "load": load, **_history(lives)}
 
 
-def _why(chosen: dict[str, Any], day: list[AttemptValues], words: Words) -> dict[str, Any]:
-    """The reasons, the value that decided, and what its surroundings say."""
+def _why(chosen: dict[str, Any], unit: str, day: list[AttemptValues], words: Words) -> dict[str, Any]:
+    """The reasons, the value that decided, and what its surroundings say. unit: of its readings."""
     fit, verdict = result(chosen, "calibration"), result(chosen, "verdict") or {}
     reasons = verdict.get("reasons") or []
     first = unit_view.deciding(fit, reasons, words)
@@ -64,7 +66,7 @@ def _why(chosen: dict[str, Any], day: list[AttemptValues], words: Words) -> dict
         "simulated": is_simulated(chosen["software"]),
         "deciding": first,
         "rest": unit_view.rest(fit, first.what if first else "", words),
-        "residuals": unit_view.residual_figure(fit, words),
+        "residuals": unit_view.residual_figure(fit, words) or unit_view.reading_figure(chosen["visits"], unit, words),
         "neighbours": near,
         "nest_sentence": sentence,
         "identity": result(chosen, "identity") or {},

@@ -16,6 +16,7 @@ PAGES = (
     "/cards",
     "/audit",
     "/audit/unit?serial=SN0001",
+    "/audit/unit?serial=SN0002",
     "/journal",
     "/charts?size=2",
     "/diagnosis",
@@ -24,11 +25,13 @@ PAGES = (
 )
 pytestmark = pytest.mark.timeout(240)
 
-#: What sticks out on the right of a page that must not be moved sideways; tables scroll in boxes of their own.
+#: What sticks out on the right of a page that must not be moved sideways; tables scroll in boxes of their own, but for
+#: lists of units on a phone.
 _SIDEWAYS = """
 const wide = document.documentElement.clientWidth;
+const own = `.scroll${wide < 640 ? ":not(.stacked)" : ""}, .unseen, .skip, .sheet, svg`;
 return [...document.querySelectorAll("body *")]
-  .filter((n) => n.getBoundingClientRect().right > wide + 1 && !n.closest(".scroll, .unseen, .skip, .sheet, svg"))
+  .filter((n) => n.getBoundingClientRect().right > wide + 1 && !n.closest(own))
   .map((n) => n.outerHTML.slice(0, 120));
 """
 

@@ -85,6 +85,14 @@ def test_a_page_of_attempts_and_a_life(client: TestClient) -> None:
     assert client.get("/audit/unit", params={"serial": "SN9999"}, headers=HTML).status_code == 400
 
 
+def test_a_unit_without_coefficients_shows_what_was_read(client: TestClient) -> None:
+    failed = client.get("/audit/unit", params={"serial": "SN0002"}, headers=HTML).text
+    assert "Readings by position" in failed
+    assert "Residuals by position" not in failed
+    passed = client.get("/audit/unit", params={"serial": "SN0001"}, headers=HTML).text
+    assert "Residuals by position" in passed
+
+
 def test_stored_text_stays_text(client: TestClient) -> None:
     for at in ("/audit", "/audit/unit?serial=SN0001", "/audit/unit?serial=<script>alert(1)</script>"):
         assert "<script>alert" not in client.get(at, headers=HTML).text

@@ -55,7 +55,7 @@ def shown(client: TestClient, path: str) -> str:
     assert answer.status_code == 200, answer.text
     main_part = re.search(r"<main.*</main>", answer.text, re.DOTALL)
     assert main_part is not None
-    act = r'<form.*?</form>|<script.*?</script>|<section class="panel" aria-label="Signatures">.*?</section>'
+    act = r'<form.*?</form>|<script.*?</script>|<section class="[^"]*" aria-label="Signatures">.*?</section>'
     text = re.sub(act, "", main_part[0], flags=re.DOTALL)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", text))
 

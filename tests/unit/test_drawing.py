@@ -1,5 +1,6 @@
 """Figures: well-formed, complete, and safe with any text."""
 
+import itertools
 import math
 import xml.etree.ElementTree as ET
 
@@ -80,3 +81,18 @@ def test_a_closer_look_is_drawn_only_near_a_limit(value: float, closer: bool) ->
     drawn = limit_bar.draw(limit_bar.LimitBar(value, 0.0006, -0.08, 0.08, 0.0, ("low", "target", "high", "ok")), "x")
     assert ('height="216"' in drawn) is closer
     assert 'stroke="#677683"' in drawn if closer else 'stroke="#677683"' not in drawn
+
+
+@pytest.mark.parametrize("value", [0.7, 0.9899, 0.9999, 1.001, 1.3])
+def test_labels_of_narrow_limits_do_not_meet(value: float) -> None:
+    words = ("Untergrenze", "Sollwert", "Obergrenze", "erlaubt")
+    root = ET.fromstring(limit_bar.draw(limit_bar.LimitBar(value, 0.0031, 0.995, 1.005, 1.0, words), "gain x"))
+    placed: dict[str, list[tuple[float, float]]] = {}
+    for text in (t for t in root.iter(f"{NS}text") if (t.text or "").startswith(words)):
+        wide = scale.text_width(text.text or "", 13)
+        left = float(text.attrib["x"]) - {"middle": wide / 2, "end": wide}.get(text.attrib.get("text-anchor", ""), 0.0)
+        placed.setdefault(text.attrib["y"], []).append((left, left + wide))
+    for row in placed.values():
+        row.sort()
+        assert all(right < left for (_, right), (left, _) in itertools.pairwise(row))
+    assert sum(map(len, placed.values())) == (3 if 0.98 < value < 1.02 else 2)

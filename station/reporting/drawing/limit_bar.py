@@ -10,6 +10,9 @@ _WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 74.0, 150.0
 _GREEN, _RED, _INK = "#bcd8c9", "#ae131f", "#14212c"
 #: A closer look is worth its place where the uncertainty is less than this share of the limits' width.
 _CLOSE = 0.08
+#: Letters of a label, and the least room between two, in the drawing's own pixels.
+_LABEL_PX, _GAP = 13, 8.0
+_Span = tuple[float, float]
 #: And where value and limit lie within this share of that width.
 _NEAR = 0.25
 
@@ -79,18 +82,37 @@ def _bar(bar: LimitBar, across: tuple[float, float], y: float, *, named: bool) -
         f'<rect x="20" y="{y - half:g}" width="{_WIDTH - 40:g}" height="{2 * half:g}" fill="#f1f4f6"/>',
         f'<rect x="{low:.1f}" y="{y - half:g}" width="{high - low:.1f}" height="{2 * half:g}" fill="{_GREEN}"/>',
     ]
-    for value, words, dash in ((bar.low, 0, ""), (bar.target, 1, "3 3"), (bar.high, 2, "")):
-        if across[0] <= value <= across[1]:
-            parts.append(_level(_x(value, across), y, half, dash))
-            label = f"{bar.words[words]} {tick_label(value)}" if named else tick_label(value)
-            anchor = "start" if _x(value, across) < 60 else "end" if _x(value, across) > _WIDTH - 60 else "middle"
-            parts.append(
-                svg_text(_x(value, across), y - half - 8 if named else y + half + 18, label, anchor, weight=600)
-            )
+    parts += _levels(bar, across, y, half, named=named)
     if bar.expanded is not None:
         parts += _whiskers(_x(bar.value - bar.expanded, across), _x(bar.value + bar.expanded, across), y)
     colour = "#0b6a3d" if bar.inside else _RED
     return [*parts, mark("diamond", at, y, colour, 2.0)]
+
+
+def _levels(bar: LimitBar, across: tuple[float, float], y: float, half: float, *, named: bool) -> list[str]:
+    """Limits and target with their labels, those of narrow limits above and below the bar; where even that is too
+    narrow, the target goes without."""
+    parts, rows = [], [(y - half - 8, list[_Span]()), (y + half + 18, list[_Span]())]
+    for value, words, dash in ((bar.low, 0, ""), (bar.high, 2, ""), (bar.target, 1, "3 3")):
+        if not across[0] <= value <= across[1]:
+            continue
+        x = _x(value, across)
+        parts.append(_level(x, y, half, dash))
+        label = f"{bar.words[words]} {tick_label(value)}" if named else tick_label(value)
+        anchor = "start" if x < 60 else "end" if x > _WIDTH - 60 else "middle"
+        own = _span(x, text_width(label, _LABEL_PX), anchor)
+        for at, taken in rows if named else rows[1:]:
+            if all(own[1] + _GAP < left or right + _GAP < own[0] for left, right in taken):
+                taken.append(own)
+                parts.append(svg_text(x, at, label, anchor, weight=600))
+                break
+    return parts
+
+
+def _span(x: float, width: float, anchor: str) -> _Span:
+    """From where to where a label reaches."""
+    left = x - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
+    return left, left + width
 
 
 def _level(x: float, y: float, half: float, dash: str) -> str:

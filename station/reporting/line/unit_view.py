@@ -51,19 +51,31 @@ def rest(fit: Document | None, first: str, words: Words) -> list[tuple[str, str]
 def residual_figure(fit: Document | None, words: Words) -> str:
     """SVG: what is left of each position's reading, with twice the standard deviation of its mean; '' without a fit."""
     positions = (fit or {}).get("positions") or ()
-    if not positions:
+    unit = str((fit or {}).get("budget", [{}])[0].get("unit", ""))
+    points = [(str(p["name"]), p["residual"], p.get("std_of_mean", (0.0,) * 3)) for p in positions]
+    return _by_position(points, unit, words.render(Message("residuals-by-position")))
+
+
+def reading_figure(visits: Sequence[Document], unit: str, words: Words) -> str:
+    """SVG of the mean reading at each stop, with twice the standard deviation of a reading: what is known of a unit
+    that came to no calibration; '' where nothing was read."""
+    read = [(v, v["statistics"]) for v in visits if v["statistics"].get("mean")]
+    points = [(str(v["position"]), s["mean"], s.get("std") or (0.0,) * len(s["mean"])) for v, s in read]
+    return _by_position(points, unit, words.render(Message("readings-by-position")))
+
+
+def _by_position(points: Sequence[tuple[str, Sequence[float], Sequence[float]]], unit: str, title: str) -> str:
+    """points: of each stop its name, and of each axis the value and its standard deviation."""
+    if not points:
         return ""
     series = []
-    for axis in range(3):
-        x = [i + 0.18 * (axis - 1) for i in range(len(positions))]
-        y = [float(p["residual"][axis]) for p in positions]
-        spread = [2 * float(p.get("std_of_mean", (0.0,) * 3)[axis]) for p in positions]
+    for axis in range(len(points[0][1])):
+        x = [i + 0.18 * (axis - 1) for i in range(len(points))]
+        y = [float(values[axis]) for _, values, _ in points]
+        spread = [2 * float(std[axis]) for _, _, std in points]
         low, high = [a - s for a, s in zip(y, spread, strict=True)], [a + s for a, s in zip(y, spread, strict=True)]
         series.append(Series(x, y, "xyz"[axis], "dots", low, high, axis, _MARKS[axis]))  # type: ignore[arg-type]
-    unit = str((fit or {}).get("budget", [{}])[0].get("unit", ""))
-    names = tuple(str(p["name"]) for p in positions)
-    title = words.render(Message("residuals-by-position"))
-    return svg(Figure(title, "", unit, tuple(series), names, ((0.0, ""),)))
+    return svg(Figure(title, "", unit, tuple(series), tuple(name for name, _, _ in points), ((0.0, ""),)))
 
 
 def neighbours(
