@@ -14,9 +14,9 @@ from station.cli import _output
 from station.domain.records.stored_attempt import MARK, is_simulated
 from station.errors import LogError, UsageError
 from station.files.replace import replacing
-from station.messages import Message, system_reason
+from station.messages import Message, render, system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
-from station.service import stored_attempts
+from station.service import frame_export, stored_attempts
 from station.service.witnessed import newest_receipt
 
 RESULTS_SCHEMA = "station.results/1"
@@ -159,10 +159,13 @@ def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path, marks_file:
     from station.wiring.recordings import write_log, write_marks
 
     with _output.activity(Message("activity-writing", file=path.name)):
-        found, marks = stored_attempts.frames(log, attempts)
+        found, marks = frame_export.frames(log, attempts)
         write_log(path, found, _channel(attempts))
     with _atomic_file(marks_file) as unfinished:
         write_marks(unfinished, marks)
+    if marks.recipe is None:
+        names = tuple(dict.fromkeys(a.recipe_name for a in attempts))
+        _output.print_remark(render(Message("export-several-recipes", recipes=names)))
     return "frames", len(found)
 
 

@@ -93,8 +93,13 @@ def _document(units: Sequence[ReplayedUnit], job: Job) -> dict[str, Any]:
         "recipe": {"name": job.recipe.name, "version": job.recipe.version},
         "method": job.recipe.method,
         "unit": job.recipe.unit,
-        "units": [{**unit_document(_row(u)), "node": u.seat.node, "noise": u.noise} for u in units],
+        "units": [_unit(u) for u in units],
     }
+
+
+def _unit(u: ReplayedUnit) -> dict[str, Any]:
+    which = {"attempt": u.attempt} if u.attempt else {}
+    return {**unit_document(_row(u)), "node": u.seat.node, **which, "noise": u.noise}
 
 
 def _summary(frames: Frames, layouts: Mapping[str, FrameLayout]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """The run's own path over a recorded log: the same frames, checks, calibration and verdict; nothing is written."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from station.domain.capture.annotations import Annotation, Annotations, captured_visits
 from station.domain.capture.visit import Visit
@@ -17,7 +17,8 @@ from station.service.station import Job
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayedUnit:
-    """One unit of a log. reasons: of bad visits, then of the verdict; seat.nest is '' where nobody knows it."""
+    """One unit of a log. reasons: of bad visits, then of the verdict; seat.nest is '' where nobody knows it; attempt:
+    its id, where the log has several of the unit, or ''."""
 
     seat: NestAssignment
     result: CalibrationResult
@@ -25,14 +26,15 @@ class ReplayedUnit:
     reasons: tuple[Reason, ...]
     noise: float | None
     duration_s: float
+    attempt: str = ""
 
 
 def replay(frames: Frames, marks: Annotations, job: Job) -> Iterator[ReplayedUnit]:
     """Every unit of a log, one after the other. Errors: LogError when a mark lies outside the log or the recipe."""
-    for seat, visits, table in _units(frames, marks, job):
+    for (seat, attempt), visits, table in _units(frames, marks, job):
         bad = tuple(reason for visit in visits for reason in _check(visit, job))
         result = refit(table, job.recipe, job.product, int(frames.time_ns[0]))
-        yield _replayed_unit(seat, result, bad, visits)
+        yield replace(_replayed_unit(seat, result, bad, visits), attempt=attempt)
 
 
 def tables(frames: Frames, marks: Annotations, job: Job) -> Iterator[SampleTable]:
@@ -40,8 +42,10 @@ def tables(frames: Frames, marks: Annotations, job: Job) -> Iterator[SampleTable
     return (table for _, _, table in _units(frames, marks, job))
 
 
-def _units(frames: Frames, marks: Annotations, job: Job) -> Iterator[tuple[NestAssignment, list[Visit], SampleTable]]:
-    """Every unit with its marked visits, and the samples of those that it is calibrated by."""
+def _units(
+    frames: Frames, marks: Annotations, job: Job
+) -> Iterator[tuple[tuple[NestAssignment, str], list[Visit], SampleTable]]:
+    """Every unit, by seat and attempt, with its marked visits, and the samples of those that it is calibrated by."""
     for own in marks.units().values():
         serial = own[0].unit
         seat = NestAssignment(serial, "", own[0].node)
@@ -51,7 +55,7 @@ def _units(frames: Frames, marks: Annotations, job: Job) -> Iterator[tuple[NestA
         table = samples_of(seat, [v for v in visits if _is_tumble(v, job)], job.recipe, job.layout, labels)
         if not len(table):
             raise LogError("marks-without-readings", serial=serial, node=seat.node)
-        yield seat, visits, table
+        yield (seat, own[0].attempt), visits, table
 
 
 def _check_marks(marks: Sequence[Annotation], frames: Frames, job: Job) -> None:

@@ -1,0 +1,82 @@
+"""Export and replay keep a unit's attempts apart, however they ended, and compute the same coefficients again."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from station.cli.app import run_command
+from station.domain.records.stored_attempt import SIMULATED
+from station.domain.run.progress import Event, VisitDone
+from station.errors import UsageError
+from station.ports.log_reader import Query
+from station.service import frame_export
+from station.service.stop_request import StopRequest
+from station.wiring.bench import Bench
+from station.wiring.logs import open_log
+from tests.fakes import fixture_run
+from tests.fakes.fixture_run import Ran
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
+    """SN0001 failed, passed and was stopped after its third visit, one after the other; SN0002 took another recipe."""
+    folder = tmp_path_factory.mktemp("attempts")
+    done: list[Event] = []
+
+    def stop_early(event: Event, stop: StopRequest, _bench: Bench) -> None:
+        if isinstance(event, VisitDone):
+            done.append(event)
+            if len(done) == 3:
+                stop.request()
+
+    brief: dict[str, Any] = {"settle": {"time_s": 0.1}, "dwell": {"time_s": 0.2}}
+    tight = fixture_run.recipe(folder, limits={"offset": 1e-6}, **brief)
+    fixture_run.run(folder, ["SN0001"], recipe=tight)
+    usual = fixture_run.recipe(folder, **brief)
+    fixture_run.run(folder, ["SN0001"], recipe=usual)
+    ran = fixture_run.run(folder, ["SN0001"], recipe=usual, hook=stop_early)
+    fixture_run.run(folder, ["SN0002"], recipe=fixture_run.recipe(folder, "norm", **brief))
+    return ran
+
+
+def export_frames(ran: Ran, path: Path, *words: str) -> None:
+    assert run_command(["export", "--db", str(ran.folder / "station.db"), "--frames", str(path), *words]) == 0
+
+
+def test_three_attempts_of_a_unit_replay_each_by_itself(
+    ran: Ran, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They overlap in time, because a simulation's time runs ahead of the clock."""
+    export_frames(ran, tmp_path / "all.log", "--serial", "SN0001")
+    capsys.readouterr()
+    recipe = fixture_run.recipe(tmp_path, settle={"time_s": 0.1}, dwell={"time_s": 0.2})
+    assert run_command(["replay", str(tmp_path / "all.log"), "--recipe", recipe, "--json"]) == 3
+    replayed = {u["attempt"]: u for u in json.loads(capsys.readouterr().out)["units"]}
+    lives = ran.lives("SN0001")
+    assert [life["outcome"] for life in lives] == ["FAIL", "PASS", "ABORTED"]
+    assert list(replayed) == [life["attempt"] for life in lives]
+    for life in lives[:2]:
+        stored = next(r["document"] for r in life["results"] if r["name"] == "calibration")
+        again = replayed[life["attempt"]]
+        assert (again["offset"], again["matrix"]) == (stored["offset"], stored["matrix"])
+    assert replayed[lives[2]["attempt"]]["outcome"] == "ERROR", "three positions of six calibrate nothing"
+
+
+def test_frames_of_several_recipes_are_said_to_be_so(
+    ran: Ran, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    export_frames(ran, tmp_path / "all.log")
+    assert "of several recipes (six-point, norm)" in capsys.readouterr().err
+    export_frames(ran, tmp_path / "norm.log", "--recipe", "norm")
+    assert "several recipes" not in capsys.readouterr().err
+
+
+def test_real_attempts_that_overlap_on_a_node_are_refused(ran: Ran) -> None:
+    """Nothing real can: a clock was set back between them."""
+    with open_log(ran.folder / "station.db") as log:
+        real = [replace(a, software=a.software.removesuffix(SIMULATED)) for a in log.attempts(Query(serial="SN0001"))]
+        with pytest.raises(UsageError, match="overlap in time on node 17: export them one by one"):
+            frame_export.frames(log, real)
