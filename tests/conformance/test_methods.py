@@ -53,7 +53,8 @@ def bench(name: str, sensor: str) -> Recipe:
     reference = more.get("reference", tumble.TRUTHS[sensor]["reference"])
     # What the methods leave alone is nominal here, and poses are exact.
     few = {"pose_std_deg": 0} if name in ("one-point", "three-point") else {}
-    more |= {"reference": reference | few, "device": {"gain_std": 0, "cross_std": 0, "rounding": "nearest"}}
+    nominal = {"gain_std": 0, "cross_std": 0, "g_sensitivity": 0}
+    more |= {"reference": reference | few, "device": nominal | {"rounding": "nearest"}}
     return tumble.recipe(name, sensor, **more)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from station import plugins
 from station.domain.methods import contributions, method
-from station.domain.recipe import readings, references, sensor
+from station.domain.recipe import assumptions, readings, references, sensor
 from station.domain.recipe.blocks import DeviceSheet
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
@@ -184,3 +184,23 @@ def test_g_sensitivity_of_a_gyroscope_stands_in_the_budget_where_it_cannot_be_fi
     found = tumble.calibrate_unit(recipe, table, tumble.TODAY)
     assert found.budget is not None
     assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.02] * 3)
+
+
+def test_what_gravity_and_temperature_do_is_listed_as_assumed_unless_stated(rng: np.random.Generator) -> None:
+    """A gyroscope of which nobody states it is taken to show 0.1 deg/s for 1 g; temperature coefficients of 0 are
+    said to be an assumption. Stated zeros are not."""
+    keys = {"device.g_sensitivity", "device.offset_tempco", "device.gain_tempco"}
+    rest = [{"name": "rest", "rate": [0, 0, 0]}]
+
+    def listed(sensor: str, sheet: dict[str, float]) -> dict[str, bool]:
+        turning: dict[str, Any] = {"positions": rest} if sensor == "gyroscope" else {}
+        recipe = tumble.recipe("one-point", sensor, device=sheet, **turning)
+        return {a.key: a.stated for a in assumptions.listing(recipe) if a.key in keys}
+
+    assert listed("gyroscope", {}) == dict.fromkeys(keys, False)
+    assert listed("gyroscope", {"g_sensitivity": 0, "offset_tempco": 0, "gain_tempco": 0}) == dict.fromkeys(keys, True)
+    assert listed("accelerometer", {}) == dict.fromkeys(keys - {"device.g_sensitivity"}, False)
+    recipe = tumble.recipe("one-point", "gyroscope", positions=rest, device={})
+    found = tumble.calibrate_unit(recipe, tumble.table(recipe, np.zeros((1, 1, 3)), 0.01, 50, rng), tumble.TODAY)
+    assert found.budget is not None
+    assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.1] * 3)

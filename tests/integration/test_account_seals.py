@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 import stat
 import sys
@@ -18,7 +19,7 @@ from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.cli.app import run_command
 from station.config.settings import load_settings
-from station.errors import StoreFault, UsageError
+from station.errors import LogError, StoreFault, UsageError
 from station.panel_protocol import accounts
 from station.panel_protocol.account_seal import AccountChange
 from station.panel_protocol.accounts import Account, Role
@@ -306,3 +307,19 @@ def test_a_run_waits_for_a_seal_and_a_seal_for_no_run(folder: Path) -> None:
     release.join()
     with SqliteStore(database), pytest.raises(StoreFault, match="in use"):
         SqliteStore(database)
+
+
+def test_a_made_password_is_shown_once_it_is_in_force(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    Path("no-log.db").write_text("no log", "utf-8")
+    with pytest.raises(LogError, match=r"no-log\.db cannot be read"):
+        run_command(["panel", "--add", "anna", "--role", "engineer", "--db", "no-log.db"])
+    assert capsys.readouterr().out == ""
+    run_command(["panel", "--add", "anna", "--role", "engineer", "--db", "new.db"])
+    shown = capsys.readouterr().out
+    made = re.search(r"anna logs in with (\S+) ", shown)
+    assert made is not None
+    assert accounts.verify_password(made[1], accounts.load(tmp_path / "accounts.json")["anna"].password)

@@ -12,8 +12,8 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pyarrow import parquet
 
-from station.cli.app import main
 from tests.fakes import fixture_run, logs
+from tests.fakes.command import station
 
 Out = pytest.CaptureFixture[str]
 
@@ -27,12 +27,6 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fixture_run.run(folder, ["SN0003"], recipe=tight)
     fixture_run.run(folder, ["SN0003"])
     return folder / "station.db"
-
-
-def station(*args: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(a) for a in args])
-    return int(ended.value.code or 0)
 
 
 def requested(capsys: Out, *args: object) -> Any:
@@ -196,7 +190,6 @@ def test_an_exported_table_calibrates_to_the_same_coefficients(db: Path, tmp_pat
         (["--samples", "a.xlsx"], "the file's ending must be one of .parquet, .csv"),
         (["--frames", "nowhere/a.log"], "the folder nowhere does not exist"),
         (["--results", "a.csv", "--serial", "SN9"], "holds no such attempt"),
-        (["--frames", "a.log", "--serial", "SN0001", "--serial", "SN0003"], "overlap in time on node"),
     ],
 )
 def test_exports_that_cannot_be_end_in_one_sentence(

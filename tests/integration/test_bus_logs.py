@@ -200,8 +200,9 @@ def test_a_real_recording_decodes_frame_for_frame_as_cantools_does(name: str, sh
 def test_a_blf_that_unfolds_into_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One container of a megabyte that holds a gigabyte of zeros."""
     monkeypatch.setattr(limited_process, "LEAST_MEMORY", 200 << 20)  # as much is filled sooner
-    packer = zlib.compressobj(9)
-    packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(1024)) + packer.flush()
+    packer, sum_of_zeros = zlib.compressobj(9), (1 << 30) % 65521 << 16 | 1
+    start, mebibyte = (packer.compress(bytes(1 << 20)) + packer.flush(zlib.Z_FULL_FLUSH) for _ in range(2))
+    packed = start + mebibyte * 1023 + b"\x03\x00" + sum_of_zeros.to_bytes(4, "big")
     body = struct.pack("<H6xL4x", 2, 1 << 30) + packed
     head = struct.pack("<4sL", b"LOGG", 144).ljust(144, b"\0")
     path = tmp_path / "bomb.blf"

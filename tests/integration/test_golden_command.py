@@ -6,15 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from station.cli.app import main
 from tests.fakes import fixture_run
-
-
-def station(*words: str) -> int:
-    """The exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(words))
-    return int(str(ended.value.code))
+from tests.fakes.command import station
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from scipy import io
 
-from station.cli import app
 from station.domain.core.types import Floats
 from station.wiring.sample_files import read_samples
+from tests.fakes.command import station
 
 G = 9.80665
 FACES = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 0, -1], [0, -1, 0], [-1, 0, 0], [0.6, 0.8, 0], [0, 0.6, -0.8]])
@@ -26,12 +26,6 @@ def tumble(rng: np.random.Generator, rate_hz: float = 100.0, still_s: float = 4.
         parts.append(here * (1 - share) + there * share + 0.2 * rng.standard_normal((len(share), 3)))
     reading = np.concatenate(parts[:-1])
     return np.asarray(reading + 0.002 * rng.standard_normal(reading.shape))
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 def understood(capsys: pytest.CaptureFixture[str], *args: str) -> dict[str, Any]:

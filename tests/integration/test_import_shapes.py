@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from tests.integration.test_import import G, check, station, tumble, understood
+from tests.fakes.command import station
+from tests.integration.test_import import G, check, tumble, understood
 
 Shape = Callable[[Floats, Floats], str]
 

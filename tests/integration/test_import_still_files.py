@@ -10,7 +10,8 @@ import pytest
 
 from station.domain.core.types import Floats
 from station.wiring.sample_files import read_samples
-from tests.integration.test_import import G, station
+from tests.fakes.command import station
+from tests.integration.test_import import G
 
 AXES = ("x-up", "x-down", "y-up", "y-down", "z-up", "z-down")
 MATRIX = np.array([[1.03, 0.004, -0.002], [0.003, 0.96, 0.005], [-0.004, 0.001, 1.01]])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.integration.test_import import station
+from tests.fakes.command import station
 
 HAND_HELD = "hand-held"
 

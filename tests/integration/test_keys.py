@@ -17,6 +17,7 @@ from station.errors import ConfigError, StoreFault
 from station.ports.log_reader import Trust
 from station.wiring.logs import signer_of
 from tests.fakes import logs
+from tests.fakes.command import captured
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "vcan"))
 from vcan_harness import debian
@@ -112,20 +113,17 @@ def test_the_command_rotates_and_the_run_goes_on(
     config.write_text(text)
     key_file(Path("next.key"))
 
-    def station(*words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([sys.executable, "-m", "station", *words], capture_output=True, text=True, check=False)
-
     run = ("run", "--simulate", "--units", "1", "--recipe", "one-point")
-    assert station(*run).returncode == 0
-    assert station("key", "rotate", "--to", "next.key").returncode == 0
-    refused = station(*run)
+    assert captured(*run).returncode == 0
+    assert captured("key", "rotate", "--to", "next.key").returncode == 0
+    refused = captured(*run)
     assert (refused.returncode, refused.stderr.count("\n")) == (3, 1)
     config.write_text(text.replace("signing_key: first.key", "signing_key: next.key"))
-    assert station(*run).returncode == 0
-    checked = station("audit", "--verify")
+    assert captured(*run).returncode == 0
+    checked = captured("audit", "--verify")
     assert (checked.returncode, "is whole" in checked.stdout) == (0, True)
     for wrong in (("rotate",), ("revoke",), ("burn",)):
-        answer = station("key", *wrong)
+        answer = captured("key", *wrong)
         assert (answer.returncode, answer.stderr.count("\n")) == (2, 1)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from station.cli.app import main
+from tests.fakes.command import station
 
 DATA = Path(__file__).parents[1] / "data"
 HEAD = "449:b93e7544b64e6fe56cc45f184c2f26bb1399093fe954862a2f9f659da5e7a17c"
@@ -18,12 +18,6 @@ def log(tmp_path: Path) -> Path:
     packed = (DATA / "log-d183465.db.zst").read_bytes()
     path.write_bytes(zstandard.ZstdDecompressor().decompress(packed, max_output_size=1 << 24))
     return path
-
-
-def station(*words: str) -> int | str | None:
-    with pytest.raises(SystemExit) as ended:
-        main(list(words))
-    return ended.value.code
 
 
 def test_its_chain_and_signatures_hold(log: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,18 +8,11 @@ import pytest
 
 from station.adapters.store.reader import SqliteLogReader
 from station.cli._msa_runs import missing_loads
-from station.cli.app import main
 from station.ports.log_reader import Query
 from tests.fakes import fixture_run
+from tests.fakes.command import station
 from tests.unit.test_msa import AIAG
 from tests.unit.test_msa_accuracy import BIAS, LINEARITY, REFERENCES
-
-
-def station(*words: str) -> int:
-    """The exit code of a command."""
-    with pytest.raises(SystemExit) as ended:
-        main(list(words))
-    return int(str(ended.value.code))
 
 
 @pytest.mark.parametrize(("parts", "nests", "trials"), [(10, 3, 3), (2, 2, 2), (5, 4, 2)])

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from station.cli import app
 from station.config.recipes import load_recipe
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation import model_comparison
 from station.domain.recipe.recipe import Recipe
 from tests.fakes import tumble
+from tests.fakes.command import station
 from tests.fakes.tumble import TODAY, coefficients
 
 #: m/s² where the Xsens recording was made, by its authors; counts per m/s² of its data sheet; counts at rest.
@@ -79,12 +79,6 @@ device: {rate_hz: 100}
 settle: {time_s: 0}
 method: norm
 """
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 def diagnosed(folder: Path, reference_data: Path, *more: str) -> dict[str, Any]:

@@ -6,15 +6,9 @@ from typing import Any
 
 import pytest
 
-from station.cli import app
+from tests.fakes.command import station
 
 pytestmark = pytest.mark.timeout(300)
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
 
 
 def ran(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[dict[str, Any], str]:

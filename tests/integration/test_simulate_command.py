@@ -10,15 +10,9 @@ import pytest
 from station.adapters.annotations import read_marks
 from station.adapters.bus import read_log
 from station.adapters.samples import read_samples
-from station.cli import app
 from station.config.recipes import recipe_path
 from station.model.effects.axis_permutation import MAPPINGS
-
-
-def station(*args: str) -> int:
-    with pytest.raises(SystemExit) as done:
-        app.main(args)
-    return int(done.value.code or 0)
+from tests.fakes.command import station
 
 
 def truth_of(path: Path) -> Any:

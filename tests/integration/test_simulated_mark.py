@@ -12,20 +12,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from station.adapters.store.reader import SqliteLogReader
-from station.cli.app import main
 from station.domain.records.stored_attempt import MARK, result
 from station.ports.log_reader import Query
 from tests.fakes import fixture_run
+from tests.fakes.command import station
 
 SERIAL = "SN0001"
 #: Bytes of a BLF file before its first object.
 BLF_HEADER = 144
-
-
-def station(*words: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(list(words))
-    return int(str(ended.value.code or 0))
 
 
 @pytest.fixture(scope="module")

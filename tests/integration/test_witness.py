@@ -203,10 +203,10 @@ def test_who_asks_with_another_key_or_for_another_log_is_refused(
 NONSENSE = (b"", b"{}", b"[]", b"\xff", b'{"head": 1}', b"[" * 60_000, b"[" * 70_000, b'{"head": {}, "proof": [1]}')
 
 
-@pytest.mark.parametrize("body", NONSENSE, ids=range(len(NONSENSE)))
-def test_what_is_no_head_is_refused_in_one_answer(served: Served, body: bytes) -> None:
-    request = urllib.request.Request(served.url + "/heads", body, {"content-type": "application/json"})
-    with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(request, timeout=5)
-    with refused.value as answer:
-        assert (answer.code, json.loads(answer.read())) == (400, {"refused": "no-tree-head"})
+def test_what_is_no_head_is_refused_in_one_answer(served: Served) -> None:
+    for body in NONSENSE:
+        request = urllib.request.Request(served.url + "/heads", body, {"content-type": "application/json"})
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(request, timeout=5)
+        with refused.value as answer:
+            assert (answer.code, json.loads(answer.read())) == (400, {"refused": "no-tree-head"}), body[:20]

@@ -65,10 +65,10 @@ def test_the_table_is_on_standard_output_and_no_bar_in_a_pipe(tmp_path: Path) ->
     assert (tmp_path / "station.db").exists()
 
 
-def test_json_is_one_document_of_the_contract(tmp_path: Path) -> None:
-    done = station(tmp_path, "run", "--simulate", "--units", "2", "--seed", "3", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    document = json.loads(done.stdout)
+def test_json_is_one_document_of_the_contract(here: Callable[..., tuple[int, str, str]]) -> None:
+    code, output, errors = here("run", "--simulate", "--units", "2", "--seed", "3", "--json")
+    assert (code, errors) == (0, "")
+    document = json.loads(output)
     assert (document["schema"], document["method"], document["unit"]) == ("station.run/1", "six-point", "g")
     first = document["units"][0]
     assert (first["serial"], first["nest"], first["outcome"], first["reasons"]) == ("SN0001", "A", "PASS", [])
@@ -130,7 +130,9 @@ def test_simulation_options_want_simulate(here: Callable[..., tuple[int, str, st
     assert "--effect applies to simulated units only: add --simulate" in one_sentence(output, errors)
 
 
-def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tmp_path: Path) -> None:
+def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(
+    tmp_path: Path, here: Callable[..., tuple[int, str, str]]
+) -> None:
     first = subprocess.Popen(
         [*STATION, "run", "--simulate", "--units", "60"],
         cwd=tmp_path,
@@ -139,9 +141,9 @@ def test_a_second_station_on_the_same_log_is_refused_with_the_first_ones_name(tm
     )
     try:
         _wait_for_attempt(tmp_path / "station.db")
-        second = station(tmp_path, "run", "--simulate", "--units", "1")
-        assert second.returncode == 3
-        assert "bench-1" in one_sentence(second.stdout, second.stderr)
+        code, output, errors = here("run", "--simulate", "--units", "1")
+        assert code == 3
+        assert "bench-1" in one_sentence(output, errors)
     finally:
         first.send_signal(signal.SIGINT)
         _, shown = first.communicate(timeout=60)
@@ -168,12 +170,23 @@ def test_a_signal_ends_the_run_with_a_true_record(tmp_path: Path, number: signal
         assert len(ran.coefficients(unit["serial"])) == (12 if unit["written"] else 0)
 
 
-def test_it_runs_from_any_folder_with_a_recipe_by_path(tmp_path: Path) -> None:
-    name = fixture_run.recipe(tmp_path, dwell={"time_s": 0.4})
+def test_what_ends_the_run_is_stated_once(here: Callable[..., tuple[int, str, str]]) -> None:
+    run = ("run", "--simulate", "--units", "2", "--fault", "BUS/link-down:after_s=2")
+    code, output, errors = here(*run)
+    assert (code, (output + errors).count("went down: bring it up")) == (3, 1), output + errors
+    code, output, errors = here(*run, "--json")
+    assert (code, "went down" in str(json.loads(output)["units"][0]["reasons"])) == (3, True)
+    assert "went down: bring it up" in one_sentence("", errors)
+
+
+def test_it_runs_from_any_folder_with_a_recipe_by_path(
+    tmp_path: Path, here: Callable[..., tuple[int, str, str]]
+) -> None:
     (tmp_path / "elsewhere").mkdir()
-    done = station(tmp_path / "elsewhere", "run", "--simulate", "--units", "1", "--recipe", name, "--db", "x.db")
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "elsewhere" / "x.db").exists()
+    name = fixture_run.recipe(tmp_path / "elsewhere", dwell={"time_s": 0.4})
+    code, _, errors = here("run", "--simulate", "--units", "1", "--recipe", name, "--db", "x.db")
+    assert code == 0, errors
+    assert (tmp_path / "x.db").exists()
 
 
 def test_recover_is_a_command(here: Callable[..., tuple[int, str, str]]) -> None:

@@ -30,6 +30,7 @@ from tests.fakes.help_examples import (
     try_example,
     words_of,
 )
+from tests.portion import one_of_each
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -108,7 +109,7 @@ def test_every_example_that_serves_starts_and_ends_by_ctrl_c(tour: tuple[Path, s
     shutil.copytree(tour[0], folder)
     lines = [line for line in all_documented() if serves(line) and not needs_plant(line)]
     assert len(lines) >= 9
-    for line in lines:
+    for line in one_of_each(lines, lambda line: line.split()[1]):
         tried = try_example(line, folder)
         assert tried.right, tried
 
