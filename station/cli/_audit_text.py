@@ -47,7 +47,9 @@ def _cell(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, list):
         return " ".join(f"{v:+.5f}" if isinstance(v, float) else _cell(v) for v in value)
-    return str(value)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_cell(v)}" for key, v in value.items())
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _show_check(check: Document) -> None:
@@ -116,8 +118,8 @@ def _show_attempt(number: int, a: Document) -> None:
     _show_writes(a["writes"])
     _show_verification(results.get("verification"))
     _show_verdict(results.get("verdict"))
-    happened = [[e["at_ns"], e["kind"], e["detail"]] for e in a["events"]]
-    print_rows("events", ("at_ns", "kind", "detail"), happened, frozenset({2}))
+    happened = [[utc(e["at_ns"]), e["kind"], e["detail"]] for e in a["events"]]
+    print_rows("events", ("at, UTC", "kind", "detail"), happened, frozenset({2}))
     for one in signatures(a):
         signed = Message("signed-line", at=utc(one["at_ns"]), meaning=one["meaning"], by=one["by"], role=one["role"])
         print_line(f"  {render(signed)}" + (f": {one['comment']}" if one["comment"] else ""))
@@ -171,7 +173,7 @@ def _show_verification(found: Document | None) -> None:
 def _show_verdict(found: Document | None) -> None:
     if found is None:
         return
-    print_line(f"  verdict {found['outcome']}, written {found['written']}, verified {found['verified']}")
+    print_line(f"  verdict {found['outcome']}, written {_cell(found['written'])}, verified {_cell(found['verified'])}")
     if found["rule"]:
         print_line(f"    rule {found['rule']}; false accept {_cell(found['false_accept'])}")
     for reason in found["reasons"]:

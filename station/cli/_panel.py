@@ -27,6 +27,9 @@ from station.wiring.page_seals import sealing_in_background
 from station.wiring.rehearsal import is_rehearsal
 from station.wiring.shipping import shipping_in_background
 
+#: Of a password for a script that gave none; it is shown once, when it is in force.
+_MADE_BYTES = 9
+
 
 @dataclass(frozen=True, slots=True)
 class PanelFiles:
@@ -94,12 +97,17 @@ def change_accounts(where: PanelFiles, wish: PersonChange) -> int:
             raise UsageError("panel-unknown-role", role=wish.role, roles=tuple(Role))
     if wish.by is not None:
         _check_voucher(wish, path, people, database)
+    made = ""
     for name in (n for n in (wish.remove, wish.add) if n is not None):
         account = None
         if name == wish.add:
-            account = Account(name, Role(wish.role), accounts.hash_password(_read_password(name)))
+            given = _read_password(name)
+            made = "" if given else secrets.token_urlsafe(_MADE_BYTES)
+            account = Account(name, Role(wish.role), accounts.hash_password(given or made))
         if not change_account(database, settings, path, AccountChange(name, account, wish.by or "")):
             _output.print_remark(render(Message("account-unsealed", name=name)))
+    if made:
+        _output.print_line(render(Message("password-made", name=str(wish.add), password=made)))
     shown = ", ".join(f"{p.name} ({p.role})" for p in accounts.load(path).values())
     _output.print_line(f"{path}: {shown or 'nobody'}")
     return 0
@@ -226,16 +234,10 @@ def _add_demo_account(database: Path, settings: Settings, people: Path) -> None:
     _output.print_remark(render(Message("demo-login", password=password, file=str(people))))
 
 
-def _made_password(name: str) -> str:
-    """A password for a script that gave none; it is said once."""
-    password = secrets.token_urlsafe(9)
-    _output.print_line(render(Message("password-made", name=name, password=password)))
-    return password
-
-
 def _read_password(name: str) -> str:
+    """'' where a script gave none."""
     if not sys.stdin.isatty():
-        return sys.stdin.readline(1000).rstrip("\r\n") or _made_password(name)
+        return sys.stdin.readline(1000).rstrip("\r\n")
     first = _output.read_password(name)
     if getpass.getpass("once more: ") != first:
         raise UsageError("panel-passwords-differ")

@@ -95,9 +95,14 @@ def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: Ru
             if bench.simulated:
                 _output.print_message(Message("simulated-units"))
             _output.print_line(f"log: {bench.database}")
-    if fault is not None:
+    if fault is not None and (face.as_json or not _is_stated(fault, results)):
         _output.print_remark(f"station: {fault.sentence}")
     return exit_code(results, fault)
+
+
+def _is_stated(fault: StationError, results: Sequence[UnitResult]) -> bool:
+    """Whether the table gives it as the reason of a unit: a person reads it once."""
+    return any(reason.sentence == fault.sentence for result in results for reason in result.reasons)
 
 
 def _check_faults(order: RunOrder, serials: Sequence[str]) -> None:

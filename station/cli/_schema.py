@@ -34,12 +34,11 @@ def print_or_write(kind: str | None, out: Path | None) -> int:
             raise UsageError("schema-without-kind", kinds=tuple(KINDS))
         _output.print_raw(schema_text(kind).rstrip("\n"))
         return 0
-    for each in kinds:
-        text = schema_text(each)
+    for file, text in ((out / f"{each}.json", schema_text(each)) for each in kinds):
         try:
             out.mkdir(parents=True, exist_ok=True)
-            replace_text(out / f"{each}.json", text)
+            replace_text(file, text)
         except OSError as exc:
-            raise UsageError("file-not-written", file=str(out / f"{each}.json"), why=system_reason(exc)) from exc
-        _output.print_message(Message("init-wrote", file=str(out / f"{each}.json")))
+            raise UsageError("file-not-written", file=str(exc.filename or file), why=system_reason(exc)) from exc
+        _output.print_message(Message("init-wrote", file=str(file)))
     return 0

@@ -12,7 +12,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from station.errors import ConfigError, UsageError
-from station.files.json_text import NOT_AS_EXPECTED, read_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json, unread_reason
 from station.files.replace import replace_text
 
 #: RFC 7914 and OWASP's floor: N = 2¹⁷, r = 8, p = 1, about 0.2 s and 128 MiB for one guess.
@@ -104,7 +104,7 @@ def load(path: Path) -> dict[str, Account]:
         rows = read_json(path)["accounts"]
         return {str(r["name"]): Account(str(r["name"]), Role(r["role"]), str(r["password"])) for r in rows}
     except (OSError, *NOT_AS_EXPECTED) as exc:
-        raise ConfigError("accounts-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc
+        raise ConfigError("accounts-unreadable", file=str(path), why=unread_reason(exc)) from exc
 
 
 def save(path: Path, accounts: dict[str, Account]) -> None:

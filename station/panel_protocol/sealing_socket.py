@@ -1,7 +1,8 @@
 """What people seal into a log while a run or a line holds it: they hand it to that process, which alone may write.
 
-A datagram socket beside the log (mode 0600) takes changes of accounts and signatures. Only the user whose process it is
-may hand something over: whoever that is could write the log itself. The process checks for itself what the log knows.
+A datagram socket beside the log (mode 0600) takes changes of accounts, signatures and issued certificates. Only the
+user whose process it is may hand something over: whoever that is could write the log itself. The process checks for
+itself what the log knows.
 """
 
 import json
@@ -19,6 +20,7 @@ from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner_socket import answering_requests, ask
 from station.panel_protocol.signature import seal_signature_detail
 from station.ports.store import Store
+from station.service.certificates import seal_issued_files
 
 _MODE = 0o600
 _SEALED = b"sealed"
@@ -32,6 +34,7 @@ def taking_requests(store: Store, database: Path) -> Iterator[None]:
     kinds: Mapping[str, Callable[[Mapping[str, Any]], None]] = {
         "account": lambda given: apply_change(store, database, Path(given["file"]), AccountChange.of(given)),
         "signature": lambda given: seal_signature_detail(store, database, str(given["attempt"]), given["detail"]),
+        "certificate": lambda given: seal_issued_files(store, str(given["attempt"]), given["files"]),
     }
 
     def answer(request: bytes, user: int) -> bytes | None:

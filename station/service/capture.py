@@ -24,7 +24,8 @@ from station.service.stop_request import StopRequest
 from station.service.unit import Unit
 from station.service.visit_collector import VisitCollector
 
-#: How often the stream is looked at, s, while waiting for rest and while dwelling; how soon a stop is noticed.
+#: How often the stream is looked at, s, while waiting for rest, and while settling and dwelling; how soon a stop is
+#: noticed.
 POLL_S, DWELL_POLL_S = 0.05, 0.2
 #: While only time has to pass, a stop may wait so long.
 WAIT_POLL_S = 0.5
@@ -149,8 +150,8 @@ class Capture:
         settle_s = self._job.recipe.settle.time_s
         clock = self._station.clock
         began_s = clock.monotonic_s()
-        while settle_s and clock.monotonic_s() - began_s < self._station.settings.timeouts.settle_s:
-            collector.add(self._poll(POLL_S))
+        while settle_s and (lasted_s := clock.monotonic_s() - began_s) < self._station.settings.timeouts.settle_s:
+            collector.add(self._poll(min(DWELL_POLL_S, max(POLL_S, settle_s - lasted_s))))
             if clock.monotonic_s() - began_s < settle_s:
                 continue
             recent = collector.recent(clock.epoch_ns() - round(RECENT_S * 1e9))

@@ -22,7 +22,7 @@ from station.domain.methods import coefficients
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.errors import ConfigError, LogError, ReferenceOverdue, StationFault, UsageError
-from station.files.json_text import NOT_AS_EXPECTED, read_json
+from station.files.json_text import NOT_AS_EXPECTED, read_json, unread_reason
 from station.files.replace import replace_text
 from station.messages import system_reason
 from station.ports.log_reader import Attempt, LogReader, Query
@@ -43,7 +43,7 @@ def load(path: Path) -> dict[str, RegisteredUnit]:
         units = read_json(path)["units"]
         return {u["serial"]: _expected(u) for u in units}
     except (OSError, *NOT_AS_EXPECTED) as exc:
-        raise ConfigError("golden-register-unreadable", file=str(path), why=" ".join(str(exc).split())) from exc
+        raise ConfigError("golden-register-unreadable", file=str(path), why=unread_reason(exc)) from exc
 
 
 def save(path: Path, units: dict[str, RegisteredUnit]) -> None:

@@ -44,7 +44,7 @@ from station.wiring.simulated_objects import simulated_objects
 #: More of it is a cause of its own, which nobody asked for: `--effect repeatability`.
 ERROR_DEG = 0.001
 #: Readings of this long leave a simulated device together, s, while nobody looks (during a move).
-BLOCK_S = 0.5
+BLOCK_S = 5.0
 #: In place of a serial in `--fault`: the bus itself; the gold reference.
 BUS_PREFIX, GOLD_SERIAL = "BUS/", "GOLD"
 

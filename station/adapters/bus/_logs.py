@@ -7,7 +7,7 @@ from station.adapters.bus import _candump, _limited
 from station.adapters.bus._recorded import BLOCK, by_python_can
 from station.domain.core.types import Frames
 from station.errors import LogError, UsageError
-from station.messages import system_reason
+from station.messages import Message, system_reason
 
 #: What python-can reads for us; each keeps times to about 0.25 µs.
 READ_BY_PYTHON_CAN = (".blf", ".asc", ".mf4")
@@ -23,6 +23,8 @@ def read_blocks(path: Path, channel: str | None = None) -> Iterator[Frames]:
     suffix = path.suffix.lower()
     if suffix not in (".log", *READ_BY_PYTHON_CAN):
         raise LogError("recording-kind-unknown", file=str(path))
+    if path.is_dir():
+        raise LogError("recording-no-access", file=str(path), why=Message("system-is-folder"))
     if not path.is_file():
         raise LogError("recording-missing", file=str(path))
     try:

@@ -23,7 +23,7 @@ from station.adapters.bus._recvmmsg import SO_RCVBUFFORCE
 from station.domain.core.types import Frames
 from station.domain.recipe.fields import StrictModel
 from station.errors import BusFault, ConfigError
-from station.messages import Message
+from station.messages import Message, system_reason
 from station.ports.clock import Clock
 
 #: Whose clock stamps a frame: the adapter's own, or that of the process that reads it. Others are not known.
@@ -93,8 +93,8 @@ class PythonCan:
         try:
             bus = can.Bus(channel=channel, interface=settings.driver, ignore_config=True, **given)
         except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
-            why = " ".join(str(error).split())[:200]
-            raise ConfigError("python-can-not-opened", driver=settings.driver, channel=channel, why=why) from None
+            why = system_reason(error) if isinstance(error, OSError) else " ".join(str(error).split())[:200]
+            raise ConfigError("python-can-not-opened", driver=settings.driver, channel=channel[:40], why=why) from None
         return cls(bus, channel, settings.driver)
 
     @property

@@ -13,7 +13,7 @@ from station.domain.core.types import Floats
 from station.domain.methods import coefficients, method, uncertainty
 from station.domain.methods.decision import decide_limit, guard_band
 from station.domain.methods.decision_rule import prior_of
-from station.domain.methods.risk import global_risks
+from station.domain.methods.risk import Prior, global_risks
 from station.domain.methods.uncertainty import Budget
 from station.domain.planning import adaptive_dwell, nominal_visits
 from station.domain.recipe import references
@@ -77,11 +77,21 @@ def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
         worst = int(np.argmax(np.where(which, std, -1.0)))
         expanded = float(budget.expanded()[worst])
         prospect = _prospect(limit, expanded, float(guard[worst]))
-        known = float(prior.mean[0, worst]), float(prior.std[0, worst])
-        risks = global_risks(known, float(std[worst]), limit, float(guard[worst])) if np.isfinite(known[1]) else None
+        risks = _risks(prior.take(np.array([worst])), float(std[worst]), limit, float(guard[worst]))
         name, wide = coefficients.NAMES[worst], float(guard[worst])
         out.append(LimitForecast(kind, name, limit, expanded, wide, prospect, risks))
     return tuple(out)
+
+
+def _risks(prior: Prior, std: float, limit: float, guard: float) -> tuple[float, float] | None:
+    """Global risks of one coefficient; None where nothing is known of its process."""
+    mean, spread, shared, error, error_std = (
+        float(part[0, 0]) for part in (prior.mean, prior.std, prior.shared, prior.error, prior.error_std)
+    )
+    if not np.isfinite(spread):
+        return None
+    left = float(np.sqrt(max(std**2 - shared**2, 0.0) + error_std**2))
+    return global_risks((mean - error, spread), left, limit, guard, error)
 
 
 def _verification(recipe: Recipe, noise: float) -> tuple[LimitForecast, ...]:
