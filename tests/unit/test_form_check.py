@@ -32,3 +32,30 @@ def test_odds_fall_by_e_with_each_nat_that_a_law_gains() -> None:
     odds = [p / (1 - p) for p in (named(lead) for lead in (-2.0, -1.0, 0.0, 3.0))]
     assert odds[0] / odds[1] == pytest.approx(math.e)
     assert odds[2] / odds[3] == pytest.approx(math.exp(3.0))
+
+
+@pytest.mark.parametrize(
+    ("lead", "tied", "doubts"),
+    [
+        (1.0, 0.0, ()),  # two to one for the cause
+        (3.0, 0.0, ("input",)),  # two to one against it: a law follows the data better
+        (3.0, 50.0, ("input",)),
+        (-math.inf, 0.0, ()),
+    ],
+)
+def test_a_name_less_likely_than_not_says_on_what_the_rest_depends(
+    lead: float, tied: float, doubts: tuple[str, ...]
+) -> None:
+    floor = NoiseFloor(1e-4, 0.0, 0.0)
+    chances = {"cubic": 1 / (1 + tied), "quadratic": tied / (1 + tied)}
+    finding = CauseFinding("cubic", None, floor, {"cubic": 20.0}, chances, ("quadratic",), 12.0, 9.0)
+    laws = RivalLaws(lead, ("input",))
+    assert laws.judged(finding).doubts == doubts
+
+
+def test_a_name_that_a_kernel_outdoes_says_on_what_the_kernel_depends() -> None:
+    floor = NoiseFloor(1e-4, 0.0, 0.0)
+    evidence = {"cubic": 200.0, "time": 206.0}
+    finding = CauseFinding("cubic", None, floor, evidence, {"cubic": 0.05, "time": 0.95}, (), 20.0, 9.0)
+    laws = RivalLaws(-3.0, ("input",))
+    assert laws.judged(finding).doubts == ("time",)

@@ -108,7 +108,8 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
         depends_on=_remainder(searched, news, causes),
         not_testable=_not_testable(inspected, searched),
     )
-    return _with_formulas(found, [c.estimate.item for c in causes if c.estimate is not None and c.gain.accepted])
+    paying = [c.estimate.item for c in causes if c.estimate is not None and c.gain.accepted]
+    return _with_doubts(_with_formulas(found, paying))
 
 
 def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
@@ -128,6 +129,12 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
     last = only_with(d.last, len(d.search_result.first.accepted), explanation.causes)
     causes = tuple(c for c in d.causes if c.estimate is not None and id(c.estimate.item) in staying)
     return replace(d, last=last, floor=last.fit(), causes=causes, hypotheses=found, depends_on=words)
+
+
+def _with_doubts(d: Diagnosis) -> Diagnosis:
+    """The diagnosis with what depends on something that an unlikely cause does not follow: its name is not all."""
+    words = (*d.depends_on, *(word for cause in d.causes for word in cause.finding.doubts))
+    return replace(d, depends_on=tuple(dict.fromkeys(words)))
 
 
 def _not_testable(inspected: Inspection, searched: SearchResult) -> tuple[str, ...]:

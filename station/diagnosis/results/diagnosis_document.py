@@ -116,10 +116,9 @@ def _reservations(d: Diagnosis) -> list[str]:
 
 def _cause(c: Cause, d: Diagnosis) -> dict[str, Any]:
     f = c.finding
-    members = [f.name, *f.indistinguishable_from]
     return {
         "effect": f.name,
-        "probability": min(1.0, sum(f.probability.get(name, 0.0) for name in members)),
+        "probability": f.set_probability,
         "indistinguishable_from": list(f.indistinguishable_from),
         "level": "visit" if f.accepted is None else f.accepted.candidate.of,
         "parameters": parameter_rows(c, d),

@@ -20,6 +20,8 @@ from station.diagnosis.search.scoring import ScoringProblem, score_bank
 #: A kernel must beat every cause by this share, too: no form, and no mean of a block, is more exact. What it leaves out
 #: is found in the next round.
 KERNEL_MARGIN = 0.04
+#: A set of causes less likely than this, odds of two to one against it, does not account for what was found.
+UNLIKELY = 1 / 3
 #: A kernel is named beside the leading one where it explains all but this share of what that explains.
 NEAR_SHARE = 0.08
 
@@ -30,7 +32,7 @@ class CauseFinding:
 
     ranks: log evidence of every cause at that point; chosen: what was accepted; probability of it together with
     `indistinguishable_from`; d: its strength; floor: with it; words: what an unknown depends
-    on.
+    on; doubts: what that depends on which follows the data better than an unlikely cause.
     """
 
     name: str
@@ -42,6 +44,18 @@ class CauseFinding:
     d: float
     statistic: float
     words: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def set_probability(self) -> float:
+        """Of the cause together with those it cannot be told from."""
+        members = (self.name, *self.indistinguishable_from)
+        return min(1.0, sum(self.probability.get(name, 0.0) for name in members))
+
+    @property
+    def is_unlikely(self) -> bool:
+        """Whether something else follows the data better than the cause or any that it cannot be told from."""
+        return bool(self.probability) and self.set_probability < UNLIKELY
 
     @property
     def covariates(self) -> tuple[str, ...]:

@@ -55,9 +55,12 @@ class RivalLaws:
         return self.lead > LAW_NATS
 
     def judged(self, finding: CauseFinding) -> CauseFinding:
-        """The finding with its probability against these laws, too."""
+        """The finding with its probability against these laws, too, and what speaks against an unlikely one."""
         share = 1 / (1 + np.exp(min(self.lead - PRIOR_NATS, 500.0)))
-        return replace(finding, probability={name: float(p * share) for name, p in finding.probability.items()})
+        chances = {name: float(p * share) for name, p in finding.probability.items()}
+        judged = replace(finding, probability=chances)
+        doubts = self.words if self.lead > 0 else finding.covariates
+        return replace(judged, doubts=doubts) if judged.is_unlikely else judged
 
 
 def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaws:
