@@ -17,11 +17,18 @@ def written_unit(unit: str) -> str:
     return unit.replace("uT", "µT").replace("degC", "°C")
 
 
+def quantity_in(name: str, unit: str) -> str:
+    """What heads figures of a quantity in a unit (ISO 80000-1, 7.1.4): `offset x / (deg/s)`."""
+    written = written_unit(unit)
+    return f"{name} / ({written})" if "/" in written else f"{name} / {written}"
+
+
 def format_to_uncertainty(value: Any, spread: float | None) -> str:
     """A figure to the decimal place of the second digit of its uncertainty (GUM 7.2.6), as a person reads it."""
     if value is None or not spread or not 1e-9 < spread < 1e3:
         return format_number(value, 7)
-    places = max(0, 1 - math.floor(math.log10(spread)))
+    # 0.0000998 is 0.00010 to two digits: the place is that of the rounded spread.
+    places = max(0, 1 - math.floor(math.log10(float(f"{spread:.1e}"))))
     return f"{value:z.{places}f}".replace("-", "−")
 
 

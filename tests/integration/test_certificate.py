@@ -58,7 +58,9 @@ def test_every_format_gives_the_same_figures_and_says_simulated(folder: Path) ->
     for p, d in zip(facts["verification"]["positions"], facts["verification"]["decisions"], strict=True):
         assert read[d["what"]] == (p["error"] * 9.80665, d["expanded"] * 9.80665)
     decided = ET.fromstring(xml).iter(f"{{{DCC}}}metaData")
-    assert [m.findtext(f"{{{DCC}}}conformity") for m in decided] == ["pass"] * 14, "12 coefficients, 2 positions"
+    assert [m.findtext(f"{{{DCC}}}conformity") for m in decided] == ["pass"] * 16, (
+        "12 coefficients, 2 positions, residual and noise"
+    )
     assert b"SIMULATED" in xml and b"Customer &amp; Sons" in xml and b"no accredited calibration" in xml
     assert "SIMULATED" in Path(names["wsjf"]).read_text(encoding="utf-8")
     steps = json.loads(Path(names["wsjf"]).read_text())["root"]["steps"]

@@ -105,3 +105,26 @@ def test_no_section_is_empty_and_what_must_be_declared_is(paper: tuple[str, list
     assert ("1 g is 9.80665" in text) is (KINDS[kind][2] == "g")
     assert "Visits" not in text or kind not in ("zero alone", "one-point"), "nothing is left over"
     assert not re.search(r"\n(?:Visits|Traceability|Limits and decisions|Verification through.*)\n(?:[A-Z])", text)
+
+
+def test_limits_say_of_what_they_are(paper: tuple[str, list[str], str]) -> None:
+    kind, pages, _ = paper
+    text, unit = "\n".join(pages), KINDS[kind][2]
+    limits = lines(pages, "Limits and decisions", "Uncertainty budget")
+    assert (f"offset x / ({unit})" if "/" in unit else f"offset x / {unit}") in limits
+    assert "gain x" not in limits, "a limit on a gain is on what it differs from 1"
+    assert "anything is beyond its limit" in " ".join(text.split()) and "failing if measured again" in text
+
+
+def test_stimulus_and_reading_of_each_position_stand_on_it(paper: tuple[str, list[str], str]) -> None:
+    kind, pages, _ = paper
+    text = " ".join(lines(pages, "Readings at each position", "Where this comes from"))
+    for axis in "xyz"[: KINDS[kind][4]]:
+        assert f"stimulus {axis}" in text and re.search(rf"mean\s+reading\s+{axis}", text)
+
+
+def test_contributions_are_named_in_words_and_the_thermometer_is_one(paper: tuple[str, list[str], str]) -> None:
+    _, pages, _ = paper
+    named = " ".join(lines(pages, "Contributions as stated or assumed", "Where this comes from"))
+    assert "runs (device.turn_on_std)" in named
+    assert ("thermometer (reference" in named) is ("Temperature\nnot measured" not in "\n".join(pages))

@@ -134,9 +134,14 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
     found.append(_of("device.offset_tempco", device.offset_tempco, 0.0, own_unit, source))
     found.append(_of("device.gain_tempco", device.gain_tempco, 0.0, "1/degC", source))
     if any(tempcos(recipe)):
-        key, own = "reference.thermometer_std_degC", r.thermometer_std_degC
-        found.append(_of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer")))
+        found.append(thermometer(recipe))
     return tuple(found)
+
+
+def thermometer(recipe: Recipe) -> Assumption:
+    """How well the temperature is known at which the result holds."""
+    key, own = "reference.thermometer_std_degC", recipe.reference.thermometer_std_degC
+    return _of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer"))
 
 
 def _magnitude(recipe: Recipe) -> Assumption:

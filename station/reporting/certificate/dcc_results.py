@@ -4,7 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from station.domain.evaluation import verification
 from station.domain.methods import coverage
+from station.domain.methods.coefficients import NAMES
 from station.messages import Message, render
 from station.reporting.certificate.dcc_elements import (
     add_element,
@@ -14,6 +16,8 @@ from station.reporting.certificate.dcc_elements import (
     si_value,
     xml_word,
 )
+from station.reporting.certificate.facts import GAIN_NAMES
+from station.reporting.number_text import format_risk
 
 
 def add_results(into: ET.Element, facts: Mapping[str, Any], version: str) -> None:
@@ -33,6 +37,7 @@ def add_results(into: ET.Element, facts: Mapping[str, Any], version: str) -> Non
     _coefficients(results, facts, version)
     _held(results, facts)
     _verification(results, facts, version)
+    _of_readings(results, facts, version)
 
 
 def _equipment(into: ET.Element, reference: Mapping[str, Any]) -> None:
@@ -93,11 +98,31 @@ def _verification(results: ET.Element, facts: Mapping[str, Any], version: str) -
             _decision(quantity, decision)
 
 
+def _of_readings(results: ET.Element, facts: Mapping[str, Any], version: str) -> None:
+    """What else was limited: residual, noise, tilt, consistency at the worst visit."""
+    others = [d for d in facts["decisions"] if d["what"] not in NAMES and not d["what"].startswith(verification.WHAT)]
+    if not others:
+        return
+    data = _result(results, "readings: the worst of all positions")
+    for decision in others:
+        unit = decision["unit"]
+        quantity = add_quantity(data, f"largest {decision['what']}", si_value(decision["value"], unit))
+        if wide := decision["expanded"]:
+            add_uncertainty(quantity, si_value(wide, unit)[0], (coverage.NORMAL, coverage.PROBABILITY), version)
+        _decision(quantity, decision)
+
+
 def _decision(quantity: ET.Element, decision: Mapping[str, Any]) -> None:
     """The limit in words, and whether the value is accepted."""
     data = add_element(add_element(quantity, "measurementMetaData"), "metaData")
-    named = {key: float(decision[key]) for key in ("limit", "guard", "margin", "false_accept")}
-    add_text(data, "declaration", render(Message("certificate-decided", unit=decision["unit"], **named)))
+    named = {key: float(decision[key]) for key in ("limit", "guard", "margin")}
+    words = "certificate-decided-gain" if decision["what"] in GAIN_NAMES else "certificate-decided"
+    unit = "" if decision["unit"] == "1" else f" {decision['unit']}"
+    add_text(
+        data,
+        "declaration",
+        render(Message(words, unit=unit, false_accept=format_risk(decision["false_accept"]), **named)),
+    )
     add_element(data, "conformity", "pass" if decision["margin"] >= 0 else "fail")
 
 

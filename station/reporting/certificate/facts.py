@@ -10,6 +10,7 @@ from typing import Any
 
 from station.domain.core.types import Outcome
 from station.domain.line_quality import history
+from station.domain.methods.coefficients import GAINS, NAMES
 from station.domain.product.as_found import Moment, held_calibration
 from station.domain.product.device_map import DeviceMap
 from station.domain.recipe import assumptions
@@ -23,6 +24,8 @@ from station.reporting.certificate.issuer import Issuer
 SCHEMA = "station.certificate/1"
 #: Standard acceleration of free fall, m/s²: what "g" means here.
 STANDARD_GRAVITY = 9.80665
+#: Coefficients whose nominal value is 1.
+GAIN_NAMES = frozenset(name for name, gain in zip(NAMES, GAINS, strict=True) if gain)
 #: What the device held, by what a certificate calls it.
 MOMENTS: Mapping[str, Moment] = {"as_found": "old", "as_left": "read_back"}
 
@@ -43,6 +46,7 @@ def of_attempt(
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
     identity = stored_attempt.result(stored, "identity") or {}
     verified = stored_attempt.result(stored, "verification")
+    decided = [*fit.get("decisions", []), *(verified or {}).get("decisions", [])]
     known = history.of_document(stored_attempt.result(stored, "history"))
     recipe = known.applied(recipe)
     return {
@@ -60,9 +64,11 @@ def of_attempt(
         "unit": recipe.unit,
         "coefficients": coefficients(fit, recipe.axes),
         "covariance": fit["covariance"],
-        "decisions": [*fit.get("decisions", []), *(verified or {}).get("decisions", [])],
+        "decisions": decided,
         "rule": verdict.get("rule"),
-        "risks": {key: verdict.get(key) for key in ("false_accept", "false_reject")},
+        "risks": {**{key: verdict.get(key) for key in ("false_accept", "false_reject")},
+                  "any_false_accept": any_false_accept(verdict, decided)},
+        "visits": [visit_of(recipe, p) for p in fit["positions"]],
         "verification": verified,
         "adjustment": [
             {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
@@ -84,6 +90,25 @@ def of_attempt(
                 "config": stored["config_hash"], "witness": None if receipt is None else dict(receipt)},
         "signatures": stored_attempt.signatures(stored),
     }  # fmt: skip
+
+
+def visit_of(recipe: Recipe, visit: Mapping[str, Any]) -> dict[str, Any]:
+    """One visit: what a perfect device reads there (None where the recipe does not know it), and what was read."""
+    keys = ("name", "seating", "run", "disturbed", "temperature_degC")
+    own = {key: visit[key][: recipe.axes] for key in ("mean", "std_of_mean")}
+    known = recipe.pose_known and recipe.reference.source != "gold"
+    true = recipe.true_vector(recipe.position(visit["name"]), visit["seating"]) if known else None
+    stimulus = None if true is None else [float(value) for value in true[: recipe.axes]]
+    return {**{key: visit.get(key) for key in keys}, "stimulus": stimulus, **own}
+
+
+def any_false_accept(verdict: Mapping[str, Any], decided: Sequence[Mapping[str, Any]]) -> float | None:
+    """At most the probability that anything limited is beyond its limit (Boole): the coefficients together, as the
+    verdict has them, and each other value by itself; None where an older log has no risk."""
+    together: float | None = verdict.get("false_accept")
+    if together is None or verdict["outcome"] != Outcome.PASS:
+        return together
+    return min(1.0, together + sum(d["false_accept"] or 0.0 for d in decided if d["what"] not in NAMES))
 
 
 def _held(

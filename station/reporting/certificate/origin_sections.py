@@ -67,7 +67,7 @@ def origin_tables(
     return (
         w.section("cert_reference", (), _reference(w, recipe)),
         w.table("certificate-traceability", _TRACEABILITY, _traceability(content)),
-        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, recipe, known)),
+        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, content, recipe, known)),
         w.section("cert_provenance", (), _provenance(w, stored, content)),
     )
 
@@ -76,16 +76,27 @@ def _traceability(content: Mapping[str, Any]) -> Rows:
     return tuple((r["item"], r["number"] or "–", r["due"], r["issuer"] or "–") for r in content["references"])
 
 
-def _assumptions(w: SectionWriter, recipe: Recipe, known: History) -> Rows:
+def _assumptions(w: SectionWriter, content: Mapping[str, Any], recipe: Recipe, known: History) -> Rows:
     keys = ("limits.process", "reproducibility", "residuals")
     learnt = [_TO_CUSTOMERS.get(message.id, message) for message in known.messages(known.applied(recipe))]
+    listed = assumptions.listing(recipe)
+    if content["conditions"]["temperature_degC"] is not None:
+        listed = (*listed, *(a for a in [assumptions.thermometer(recipe)] if a not in listed))
     return (
-        *((a.key, _standard(a), w.render(a.source)) for a in assumptions.listing(recipe)),
-        *((key, "–", w.render(message)) for key, message in zip(keys, learnt, strict=False)),
+        *((_contribution(w, a.key), _standard(a), w.render(a.source)) for a in listed),
+        *((_contribution(w, key), "–", w.render(message)) for key, message in zip(keys, learnt, strict=False)),
     )
 
 
+def _contribution(w: SectionWriter, key: str) -> str:
+    """A line of the budget, and what the recipe calls it."""
+    name = key.rpartition(".")[2].replace("_", "-").lower()
+    return f"{w.say(f'contribution-{name}')} ({key})"
+
+
 def _standard(a: Assumption) -> str:
+    if not (a.stated or a.value) and a.key == "reference.pose_std_deg":
+        return "–"  # residuals tell it
     return f"{format_number(a.value, 3)} {written_unit(a.unit) if a.unit != '1' else ''}".strip()
 
 

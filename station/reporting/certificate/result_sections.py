@@ -3,15 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
+from station.domain.core.types import Outcome
 from station.domain.evaluation import verification
 from station.domain.methods import coverage
-from station.domain.methods.coefficients import AXES
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.messages import Message
-from station.reporting.certificate import facts
+from station.reporting.certificate import facts, visit_sections
 from station.reporting.certificate.writer import CertificateTable, Rows, SectionWriter
-from station.reporting.number_text import format_number, format_risk, format_to_uncertainty, written_unit
+from station.reporting.number_text import (
+    format_number,
+    format_risk,
+    format_to_uncertainty,
+    quantity_in,
+    written_unit,
+)
 
 _COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
 _DECISIONS = ("limit-of", "value", "expanded", "limit", "guard", "margin", "risk")
@@ -34,7 +40,8 @@ def result_tables(
         w.table("certificate-coefficients", _COEFFICIENTS, _values(w, content)),
         w.table("certificate-decisions", _DECISIONS, _decisions(w, content)),
         w.table("certificate-budget", *_budget(w, content)),
-        _visits(w, fit, recipe),
+        visit_sections.reading_table(w, content, recipe),
+        *([visit_sections.residual_table(w, fit, recipe)] if _has_residuals(fit) else []),
         _verification(w, stored),
         w.table("certificate-held", _HELD, _held(w, content)),
         w.table("certificate-adjustment", _ADJUSTMENT, _adjustment(content)),
@@ -49,12 +56,15 @@ def _result(
     verdict: Mapping[str, Any],
     writes: bool,
 ) -> Rows:
-    residual = f"{format_number(fit['residual_rms'], 3)} {written_unit(fit['budget'][0]['unit'])}"
+    rms = fit["residual_rms"]
+    residual = f"{format_to_uncertainty(rms, rms)} {written_unit(fit['budget'][0]['unit'])}"
+    again = "fails_again" if content["outcome"] == Outcome.PASS else "false_reject"
     return (
         (w("outcome"), w.texts[stored["outcome"]] if stored["outcome"] else w("running")),
         *((w("reason"), w.render(Message.recorded(r))) for r in verdict["reasons"]),
         (w("rule"), _rule(w, verdict)),
-        *((w(key), format_risk(verdict.get(key))) for key in ("false_accept", "false_reject")),
+        (w("false_accept"), format_risk(content["risks"]["any_false_accept"])),
+        (w(again), format_risk(verdict.get("false_reject"))),
         *([(w("residual_rms"), residual)] if _has_residuals(fit) else []),
         (w("temperature"), _temperature(w, content)),
         *(_written(w, verdict) if writes else [(w("written"), w.say("certificate-keeps-nothing"))]),
@@ -120,7 +130,7 @@ def _decisions(w: SectionWriter, content: Mapping[str, Any]) -> Rows:
     """Value and U to the second digit of U, like the table of coefficients."""
     return tuple(
         (
-            _limited(w, d["what"]) + (f" / {written_unit(d['unit'])}" if d["unit"] != "1" else ""),
+            _limited(w, d),
             *(format_to_uncertainty(d[key], d["expanded"]) for key in ("value", "expanded")),
             format_number(d["limit"], 6),
             *(format_to_uncertainty(d[key], d["expanded"]) for key in ("guard", "margin")),
@@ -130,10 +140,18 @@ def _decisions(w: SectionWriter, content: Mapping[str, Any]) -> Rows:
     )
 
 
-def _limited(w: SectionWriter, what: str) -> str:
-    """What a limit is on; of a verification its position stays as the recipe names it."""
+def _limited(w: SectionWriter, decision: Mapping[str, Any]) -> str:
+    """What a limit is on, and in which unit: of a gain its deviation from 1, of residuals the largest; of a
+    verification its position stays as the recipe names it."""
+    what, unit = decision["what"], decision["unit"]
     kind, _, position = what.partition(" ")
-    return f"{w.term(kind)} {position}" if kind == verification.WHAT else w.term(what)
+    if what in facts.GAIN_NAMES:
+        return f"{w.term(what)} − 1"
+    if what == "residual":
+        name = w("largest_residual")
+    else:
+        name = f"{w.term(kind)} {position}" if kind == verification.WHAT else w.term(what)
+    return name if unit == "1" else quantity_in(name, unit)
 
 
 def _budget(w: SectionWriter, content: Mapping[str, Any]) -> tuple[tuple[str, ...], Rows]:
@@ -146,24 +164,6 @@ def _budget(w: SectionWriter, content: Mapping[str, Any]) -> tuple[tuple[str, ..
         for c in estimated
     )
     return ("coefficient", *causes), rows
-
-
-def _visits(w: SectionWriter, fit: Mapping[str, Any], recipe: Recipe) -> CertificateTable:
-    """Tilt and residual at each visit; nothing where no reading was left over. No stimulus shows no tilt."""
-    residuals = (f"{w('residual', axis)} / {written_unit(recipe.unit)}" for axis in AXES[: recipe.axes])
-    heads = (w("position"), w("tilt"), w("tilt_u"), *residuals)
-    rows = tuple(
-        (
-            str(p["name"]),
-            *(format_to_uncertainty(p[key] if p["tilt_std_deg"] else None, p["tilt_std_deg"]) for key in _TILT),
-            *(format_to_uncertainty(v, fit["residual_rms"]) for v in p["residual"][: recipe.axes]),
-        )
-        for p in fit["positions"]
-    )
-    return w.section("cert_stops", heads, rows if _has_residuals(fit) else ())
-
-
-_TILT = ("tilt_deg", "tilt_std_deg")
 
 
 def _verification(w: SectionWriter, stored: Mapping[str, Any]) -> CertificateTable:

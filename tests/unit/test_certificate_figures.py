@@ -1,0 +1,43 @@
+"""Figures of a certificate: digits of an uncertainty, units beside a quantity, the risk of all limits together."""
+
+from typing import Any
+
+import pytest
+
+from station.reporting.certificate.facts import any_false_accept
+from station.reporting.number_text import format_to_uncertainty, quantity_in
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "shown"),
+    [
+        (0.98993, 9.98e-5, "0.98993"),
+        (9.98e-5, 9.98e-5, "0.00010"),
+        (9.94e-5, 9.94e-5, "0.000099"),
+        (0.0995, 0.0995, "0.10"),
+        (1.0, 0.0314, "1.000"),
+        (-0.00004, 0.0034, "0.0000"),
+        (118.6789, 0.23, "118.68"),
+    ],
+)
+def test_a_figure_ends_with_the_second_digit_of_its_rounded_uncertainty(
+    value: float, spread: float, shown: str
+) -> None:
+    assert format_to_uncertainty(value, spread) == shown
+
+
+def test_a_unit_that_is_a_quotient_stands_in_brackets() -> None:
+    assert quantity_in("offset x", "deg/s") == "offset x / (deg/s)"
+    assert quantity_in("offset x", "uT") == "offset x / µT"
+
+
+def test_the_risk_of_all_limits_is_no_less_than_that_of_any() -> None:
+    decided: list[dict[str, Any]] = [
+        {"what": "offset x", "false_accept": 0.002},
+        {"what": "verification z-up", "false_accept": 0.01},
+        {"what": "noise", "false_accept": None},
+    ]
+    assert any_false_accept({"outcome": "PASS", "false_accept": 0.002}, decided) == pytest.approx(0.012)
+    assert any_false_accept({"outcome": "FAIL", "false_accept": 0.0}, decided) == 0.0, "it was not accepted"
+    assert any_false_accept({"outcome": "PASS"}, decided) is None, "an older log has none"
+    assert any_false_accept({"outcome": "PASS", "false_accept": 0.9}, [{"what": "tilt", "false_accept": 0.9}]) == 1.0
