@@ -4,7 +4,7 @@ import errno
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +15,7 @@ from station.cli import _output
 from station.cli._log_options import open_named_log
 from station.config.settings import load_settings
 from station.domain.core.types import Outcome
-from station.domain.records.issued_certificate import IssuedFile, digest_of
+from station.domain.records.issued_certificate import IssuedFile, digest_of, edition_for, issued_files
 from station.errors import LogError, ReferenceOverdue, UsageError
 from station.files.replace import replacing
 from station.messages import render, system_reason
@@ -71,8 +71,12 @@ def write_certificate(
         raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
     settings = load_settings(config)
     issuer = Issuer.of(settings.certificate.document())
-    found = facts.of_attempt(stored, recipe, head, issuer, today, receipt, product.map)
-    made = document.build(stored, recipe, head, words_of(files.language), issuer, today, receipt, product.map)
+    _require_traceable(issuer, facts.references(recipe))
+    beside = facts.beside_log(issuer, stored)
+    known = [file for _, file in issued_files(stored)]
+    edition = edition_for(known, facts.first_number(stored), beside, today)
+    found = facts.of_attempt(stored, recipe, head, issuer, edition, receipt, product.map)
+    made = document.build(stored, recipe, head, words_of(files.language), issuer, edition, receipt, product.map)
     wanted: list[tuple[str, Path | None, Callable[[], bytes]]] = [
         ("pdf", files.pdf, lambda: pdf(made)),
         ("xml", files.xml, lambda: _xml(found, files)),
@@ -85,7 +89,8 @@ def write_certificate(
         _write(path, content)
         _output.print_line(str(path))
     issued = [
-        IssuedFile(found["number"], kind, digest_of(content), today, __version__) for kind, _, content in contents
+        IssuedFile(edition.number, kind, digest_of(content), edition.issued, __version__, beside)
+        for kind, _, content in contents
     ]
     if (unsealed := seal_issued(location, settings, chosen.attempt, issued)) is not None:
         _output.print_remark(render(unsealed))
@@ -116,6 +121,12 @@ def _check(files: CertificateFiles) -> None:
         raise UsageError("certificate-dcc-version", version=files.dcc_version[:20])
     if (files.sign_key is None) != (files.sign_cert is None):
         raise UsageError("certificate-sign-pair")
+
+
+def _require_traceable(issuer: Issuer, references: Sequence[object]) -> None:
+    """UsageError where an accreditation is claimed without what it stands on (ISO/IEC 17025, 6.5 and 7.8.2.1)."""
+    if issuer.accreditation and not (references and issuer.laboratory.name and issuer.signatory):
+        raise UsageError("certificate-accreditation-bare", number=issuer.accreditation)
 
 
 def _require_whole(log: "LogReader") -> None:

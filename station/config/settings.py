@@ -142,12 +142,14 @@ class PartySettings(StrictModel):
 
 
 class CertificateSettings(StrictModel):
-    """Who issues certificates, for whom, who signs, and the number of the accreditation ('' without one)."""
+    """Who issues certificates, for whom, who signs, and the number of the accreditation ('' without one); place: where
+    units are calibrated, if not on the laboratory's own premises."""
 
     laboratory: PartySettings = PartySettings()
     customer: PartySettings = PartySettings()
     signatory: ShortText = ""
     accreditation: ShortText = ""
+    place: Literal["laboratory", "customer", "laboratoryBranch", "customerBranch", "other"] = "laboratory"
 
     def document(self) -> dict[str, Any]:
         """As plain values."""

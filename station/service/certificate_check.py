@@ -13,7 +13,13 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from station import __version__
-from station.domain.records.issued_certificate import IssuedFile, digest_of, issued_files
+from station.domain.records.issued_certificate import (
+    IssuedFile,
+    changed_parts,
+    digest_of,
+    edition_of,
+    issued_files,
+)
 from station.domain.records.tree_head import WITNESSED_EVENT
 from station.errors import StationError, UsageError
 from station.files.json_text import NOT_AS_EXPECTED, parse_json
@@ -69,10 +75,11 @@ def check_certificate(data: bytes, file: str, log: LogReader, trust: Trust) -> C
     sealed = next(((record, one) for record, one in known if one.sha256 == digest_of(data)), None)
     if sealed is not None:
         return CheckedCertificate(kind, issue, tuple(found), tuple(_issued(*sealed, differs)), sealed=True)
+    found += _edition(issue, stored)
     others: dict[str, Value] = {"count": len(known), "format": _FORMATS[kind]}
-    if known and not differs:
+    if known and not differs and not found:
         return CheckedCertificate(kind, issue, tuple(found), (Message("certificate-check-other-copy", **others),))
-    if known:
+    if known and differs:
         found.append(Message("certificate-check-not-issued", **others))
     return CheckedCertificate(kind, issue, tuple(_listed([*found, *differs])))
 
@@ -101,12 +108,21 @@ def _recognise(data: bytes, file: str) -> tuple[str, CertificateIssue]:
     kind = "pdf" if data.startswith(b"%PDF-") else "xml" if data.lstrip().startswith(b"<") else "json"
     try:
         issue = of_facts(_parse_once(data)) if kind == "json" else find_mark(data)
+        if kind == "xml":
+            _refuse_entities(data)
         if issue is not None and len(bytes.fromhex(issue.head.hash)) == 32 and issue.head.number > 0:
             words_of(issue.language)
             return kind, issue
-    except (*NOT_AS_EXPECTED, RecursionError, StationError):
+    except (*NOT_AS_EXPECTED, RecursionError, StationError, ET.ParseError):
         pass
     raise UsageError("certificate-check-none", file=file)
+
+
+def _refuse_entities(data: bytes) -> None:
+    """A DCC has no document type: its entities could stand for anything. Errors: ValueError, ParseError."""
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise ValueError("a document type")
+    ET.fromstring(data)
 
 
 def _parse_once(data: bytes) -> Any:
@@ -142,10 +158,9 @@ def _content(
 ) -> Iterator[Message]:
     """What differs from the certificate that the log makes. texts: recipe and product as used."""
     facts.require_certifiable(stored)
-    # Signatures of later are not on it.
-    stored = {**stored, "events": [e for e in stored["events"] if e["record"] <= issue.head.number]}
+    stored = _as_then(stored, issue)
     recipe, product, _ = parse_recipe_and_product(*texts)
-    beside = (issue.issuer, issue.issued, issue.receipt, product.map)
+    beside = (issue.issuer, issue.edition, issue.receipt, product.map)
     if kind == "pdf":
         made = document.build(stored, recipe, issue.head, words_of(issue.language), *beside)
         if pdf(made) != data:
@@ -157,6 +172,30 @@ def _content(
         yield from _differences(dict(_leaves(_parse_once(data))), dict(_leaves(rebuilt)))
     else:
         yield from _xml_differences(_texts(data), _texts(dcc.to_xml(found, issue.dcc_version)))
+
+
+def _as_then(stored: Mapping[str, Any], issue: CertificateIssue) -> Mapping[str, Any]:
+    """Signatures of later are not on it."""
+    return {**stored, "events": [e for e in stored["events"] if e["record"] <= issue.head.number]}
+
+
+def _edition(issue: CertificateIssue, stored: Mapping[str, Any]) -> Iterator[Message]:
+    """What in number, date and issuer is otherwise than it was issued, as far as the log keeps that."""
+    known = [file for _, file in issued_files(stored)]
+    first = facts.first_number(stored)
+    number = issue.number or first
+    file = next((f for f in known if f.number == number), None)
+    if file is None:
+        if number != first or issue.replaces:
+            yield Message("certificate-check-number", number=number[:80])
+        return
+    if not file.beside:
+        return  # an older version's: it kept neither
+    edition = edition_of(known, number)
+    if edition != issue.edition:
+        yield Message("certificate-check-edition", number=number, issued=file.issued)
+    for part in changed_parts(file.beside, facts.beside_log(issue.issuer, _as_then(stored, issue))):
+        yield Message("certificate-check-part", number=number, what=Message(f"certificate-{part}"))
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

@@ -29,7 +29,9 @@ from tests.endurance.log_attacks import unguarded
 from tests.fakes import fixture_run, logs
 
 #: By these words any of the messages of a difference is known.
-FOUND = re.compile(r"the certificate says|does not verify|countersignature is not|holds no attempt|altered|can check")
+FOUND = re.compile(
+    r"the certificate says|does not verify|countersignature is not|holds no attempt|altered|can check|issued"
+)
 CONFIG = "schema: station.config/1\nnests: [{name: A, node: 17}]\nsigning_key: station.key\n"
 WITNESS = "witness: {url: 'http://127.0.0.1:9', public_key: witness.key}\n"
 

@@ -4,12 +4,14 @@ import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from station.adapters.store.sqlite import SqliteStore
 from station.cli.app import run_command
 from station.domain.records.issued_certificate import IssuedFile, digest_of, issued_files
+from station.errors import UsageError
 from station.panel_protocol.sealing_socket import taking_requests
 from station.ports.log_reader import Query
 from station.service.certificates import seal_issued_files
@@ -17,6 +19,7 @@ from station.wiring.logs import open_log
 from tests.fakes import fixture_run
 
 CONFIG = "schema: station.config/1\nnests: [{name: A, node: 17}]\n"
+CUSTOMER = {"name": "Customer Ltd", "street": "", "city": "", "post_code": "", "country": "DE"}
 
 
 @pytest.fixture(scope="module")
@@ -107,3 +110,70 @@ def test_another_copy_than_the_issued_ones_is_named_as_such(folder: Path, capsys
     code, shown = check("other.xml", capsys)
     assert (code, "holds 1 DCC file as issued for this attempt; this is another one" in shown) == (0, True), shown
     assert "compare it yourself" in shown
+
+
+def configured(**changed: str) -> None:
+    """Writes what the laboratory says of itself."""
+    said = {"customer": "Customer Ltd", "signatory": "A. Metrologist", "place": "laboratory"} | changed
+    block = f"certificate:\n  laboratory: {{name: Example Ltd}}\n  customer: {{name: {said['customer']}}}\n"
+    Path("config.yaml").write_text(CONFIG + block + f"  signatory: {said['signatory']}\n  place: {said['place']}\n")
+
+
+def test_another_customer_makes_another_certificate_which_names_the_one_it_replaces(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    configured()
+    issue("--pdf", "1.pdf", "--json", "1.json")
+    first = json.loads((folder / "1.json").read_text())
+    configured(customer="Another Ltd", place="customer")
+    issue("--json", "2.json", "--xml", "2.xml")
+    second = json.loads((folder / "2.json").read_text())
+    assert second["number"] == first["number"] + "-2" and second["replaces"] == first["number"]
+    assert second["changed"] == ["customer", "place"]
+    xml = (folder / "2.xml").read_text()
+    assert f"<dcc:replacedUniqueIdentifier>{first['number']}<" in xml and "<dcc:performanceLocation>customer<" in xml
+    assert "; changed: Customer, Place of calibration." in xml
+    issue("--pdf", "2.pdf")
+    configured()
+    issue("--json", "1b.json")
+    assert json.loads((folder / "1b.json").read_text())["number"] == first["number"], "a copy of the first"
+    for name in ("1.pdf", "1.json", "2.json", "2.xml", "2.pdf", "1b.json"):
+        assert check(name, capsys)[0] == 0, name
+
+
+def test_an_issuer_or_day_that_was_not_issued_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    configured()
+    issue("--json", "c.json")
+    edit: dict[str, Any]
+    for edit, words in (
+        ({"issuer": {"customer": {**CUSTOMER, "name": "Somebody else"}}}, "another entry: Customer"),
+        ({"issuer": {"signatory": "Nobody"}}, "another entry: Responsible"),
+        ({"issued": "2031-01-01"}, "not as it was issued on"),
+        ({"number": "mine-7"}, "no certificate mine-7"),
+        ({"replaces": "mine-7"}, "not as it was issued on"),
+    ):
+        facts = json.loads((folder / "c.json").read_text())
+        for key, value in edit.items():
+            facts[key] = {**facts[key], **value} if isinstance(value, dict) else value
+        (folder / "e.json").write_text(json.dumps(facts, ensure_ascii=False, indent=1))
+        code, shown = check("e.json", capsys)
+        assert code == 2 and words in shown, shown
+
+
+def test_an_accreditation_needs_what_it_stands_on(folder: Path) -> None:
+    configured()
+    text = Path("config.yaml").read_text() + "  accreditation: D-K-1\n"
+    Path("config.yaml").write_text(text)
+    with pytest.raises(UsageError, match=r"reference\.certificates"):
+        issue("--json", "c.json")
+
+
+def test_a_dcc_with_entities_or_a_torn_one_is_no_certificate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    issue("--xml", "c.xml")
+    text = (folder / "c.xml").read_text()
+    head, _, rest = text.partition("\n")
+    (folder / "entity.xml").write_text(f'{head}\n<!DOCTYPE l [<!ENTITY a "x">]>\n{rest.replace(">station<", ">&a;<")}')
+    (folder / "torn.xml").write_text(text[:-40])
+    for name in ("entity.xml", "torn.xml"):
+        with pytest.raises(UsageError, match="no certificate that this program can check"):
+            check(name, capsys)

@@ -1,8 +1,9 @@
 """Files of certificates that were issued: the log seals the SHA-256 of each, so that later versions know it again."""
 
 import hashlib
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,21 +17,79 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 @dataclass(frozen=True, slots=True)
 class IssuedFile:
     """number: the certificate's; format: of FORMATS; sha256: of the file's bytes; issued: ISO date; software: version
-    that made it."""
+    that made it; beside: what it says that no log knows, as `digests_of` writes it, '' in older logs."""
 
     number: str
     format: str
     sha256: str
     issued: str
     software: str
+    beside: str = ""
 
     @staticmethod
     def of(document: Mapping[str, Any]) -> "IssuedFile":
         """As an event holds it. Errors: KeyError, TypeError, ValueError where it is none."""
-        found = IssuedFile(**{key: str(document[key]) for key in IssuedFile.__slots__})
+        needed = ("number", "format", "sha256", "issued", "software")
+        found = IssuedFile(**{key: str(document[key]) for key in needed}, beside=str(document.get("beside", "")))
         if found.format not in FORMATS or not _SHA256.fullmatch(found.sha256):
             raise ValueError(found.format)
         return found
+
+
+@dataclass(frozen=True, slots=True)
+class Edition:
+    """Which certificate of an attempt it is (ISO/IEC 17025, 7.8.8): number, ISO date; replaces: the number of the one
+    before it, '' for the first; changed: what the two differ in."""
+
+    number: str
+    issued: str
+    replaces: str = ""
+    changed: tuple[str, ...] = ()
+
+
+def digests_of(beside: Mapping[str, Any]) -> str:
+    """What a certificate says that no log knows, as one SHA-256 for each part: `customer=… signatory=…`."""
+    texts = {key: json.dumps(value, sort_keys=True) for key, value in sorted(beside.items())}
+    return " ".join(f"{key}={digest_of(text.encode())}" for key, text in texts.items())
+
+
+def edition_for(known: Sequence[IssuedFile], first: str, beside: str, today: str) -> Edition:
+    """The edition that says this: one that was issued already, or the next. known: all issued files, oldest first;
+    first: number of an attempt's first certificate; beside: `digests_of`; today: ISO date."""
+    for file in known:
+        if file.beside == beside:
+            return edition_of(known, file.number) or Edition(file.number, file.issued)
+    numbers = _numbers(known)
+    if not numbers:
+        return Edition(first, today)
+    return Edition(f"{first}-{len(numbers) + 1}", today, numbers[-1], _changed(known, numbers[-1], beside))
+
+
+def edition_of(known: Sequence[IssuedFile], number: str) -> Edition | None:
+    """The edition of that number as it was issued; None where there was none."""
+    numbers, file = _numbers(known), next((f for f in known if f.number == number), None)
+    if file is None:
+        return None
+    at = numbers.index(number)
+    if at == 0:
+        return Edition(number, file.issued)
+    return Edition(number, file.issued, numbers[at - 1], _changed(known, numbers[at - 1], file.beside))
+
+
+def _numbers(known: Sequence[IssuedFile]) -> list[str]:
+    return list(dict.fromkeys(file.number for file in known))
+
+
+def _changed(known: Sequence[IssuedFile], replaced: str, beside: str) -> tuple[str, ...]:
+    """Parts that differ from those of the replaced one; none where an older log does not keep them."""
+    before = next(file.beside for file in known if file.number == replaced)
+    return changed_parts(before, beside) if before else ()
+
+
+def changed_parts(before: str, beside: str) -> tuple[str, ...]:
+    """Names of the parts in which two differ, each as `digests_of` writes it."""
+    old, new = (dict(part.split("=", 1) for part in text.split()) for text in (before, beside))
+    return tuple(key for key in sorted({*old, *new}) if old.get(key) != new.get(key))
 
 
 def digest_of(content: bytes) -> str:

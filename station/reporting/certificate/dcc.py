@@ -64,11 +64,15 @@ def _administrative(into: ET.Element, facts: Mapping[str, Any]) -> None:
     add_element(core, "uniqueIdentifier", xml_word(facts["number"]))
     add_element(core, "beginPerformanceDate", facts["performed"]["began"][:10])
     add_element(core, "endPerformanceDate", (facts["performed"]["ended"] or facts["performed"]["began"])[:10])
-    add_element(core, "performanceLocation", "laboratory")
+    add_element(core, "performanceLocation", facts["issuer"].get("place", "laboratory"))
     add_element(core, "issueDate", facts["issued"][:10])
+    if facts.get("replaces"):
+        change = add_element(core, "reportAmendedSubstituted")
+        add_element(change, "typeOfChange", "substituted")
+        add_element(change, "replacedUniqueIdentifier", xml_word(facts["replaces"]))
     _items(add_element(into, "items"), facts["item"])
     laboratory = add_element(into, "calibrationLaboratory")
-    if facts["issuer"]["accreditation"]:
+    if is_accredited(facts):
         add_element(laboratory, "calibrationLaboratoryCode", xml_word(facts["issuer"]["accreditation"]))
     _party(add_element(laboratory, "contact"), facts["issuer"]["laboratory"])
     person = add_element(add_element(into, "respPersons"), "respPerson")
@@ -102,11 +106,22 @@ def _witnessed(receipt: Mapping[str, Any]) -> Message:
     return Message("certificate-witnessed", size=receipt["size"], at=stored_attempt.utc(receipt["at_ns"]), **shown)
 
 
+def is_accredited(facts: Mapping[str, Any]) -> bool:
+    """What was simulated is no calibration, whatever the laboratory is accredited for."""
+    return bool(facts["issuer"]["accreditation"]) and not facts["simulated"]
+
+
 def statements(facts: Mapping[str, Any]) -> list[Message]:
     """What a certificate must declare besides its results."""
     first = [Message("certificate-simulated")] if facts["simulated"] else []
-    number = facts["issuer"]["accreditation"]
-    accredited = Message("certificate-accredited", number=number) if number else Message("certificate-not-accredited")
+    number, replaced = facts["issuer"]["accreditation"], facts.get("replaces", "")
+    if replaced:
+        changed = [Message(f"certificate-{key}") for key in facts["changed"]]
+        first.append(
+            Message("certificate-replaces", number=replaced, changed=changed or [Message("certificate-not-stated")])
+        )
+    known = is_accredited(facts)
+    accredited = Message("certificate-accredited", number=number) if known else Message("certificate-not-accredited")
     gravity = [Message("certificate-standard-gravity", value=STANDARD_GRAVITY)] if facts["unit"] == "g" else []
     traced = [] if facts["references"] else [Message("certificate-untraceable")]
     coverage = Message("certificate-coverage")

@@ -8,6 +8,7 @@ from station.domain.line_quality import history
 from station.domain.product.device_map import DeviceMap
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
+from station.domain.records.issued_certificate import Edition
 from station.ports.store import LogHead
 from station.reporting.certificate import dcc, facts, origin_sections, result_sections
 from station.reporting.certificate.issue import of_facts
@@ -44,15 +45,16 @@ def build(
     head: LogHead,
     words: Words,
     issuer: Issuer | None = None,
-    issued: str = "",
+    edition: Edition | None = None,
     receipt: Mapping[str, Any] | None = None,
     device_map: DeviceMap | None = None,
 ) -> Certificate:
     """The certificate of one ended attempt. stored: everything the log holds of it, with the recipe it used; head: the
-    newest record of the log; issued: ISO date; receipt: the witness' newest countersignature. Errors: LogError where it
-    came to no calibration."""
+    newest record of the log; edition: which certificate of it, left out: the first; receipt: the witness' newest
+    countersignature. Errors: LogError where it came to no calibration."""
+    first = Edition("", str(stored["ended"] or stored["started"])[:10])
     content = facts.of_attempt(
-        *(stored, recipe, head, issuer or Issuer(), issued or str(stored["ended"] or stored["started"])[:10]),
+        *(stored, recipe, head, issuer or Issuer(), edition or first),
         receipt=receipt,
         device_map=device_map,
     )

@@ -16,6 +16,7 @@ from station.domain.product.device_map import DeviceMap
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
+from station.domain.records.issued_certificate import Edition, digests_of
 from station.errors import LogError
 from station.messages import render
 from station.ports.store import LogHead
@@ -35,12 +36,12 @@ def of_attempt(
     recipe: Recipe,
     head: LogHead,
     issuer: Issuer,
-    issued: str,
+    edition: Edition,
     receipt: Mapping[str, Any] | None = None,
     device_map: DeviceMap | None = None,
 ) -> dict[str, Any]:
-    """The certificate of one ended attempt; issued: ISO date; receipt: the witness' newest; device_map: how the device
-    keeps its calibration. Errors: LogError where it came to no calibration."""
+    """The certificate of one ended attempt; edition: which one of it; receipt: the witness' newest; device_map: how
+    the device keeps its calibration. Errors: LogError where it came to no calibration."""
     fit, verdict = stored_attempt.result(stored, "calibration"), stored_attempt.result(stored, "verdict")
     if not fit or not verdict or fit.get("offset") is None:
         raise LogError("certificate-no-calibration", attempt=str(stored["attempt"]), serial=str(stored["serial"]))
@@ -51,8 +52,10 @@ def of_attempt(
     recipe = known.applied(recipe)
     return {
         "schema": SCHEMA,
-        "number": f"{stored['station']}-{stored['attempt']}",
-        "issued": issued,
+        "number": edition.number or first_number(stored),
+        "issued": edition.issued,
+        "replaces": edition.replaces,
+        "changed": list(edition.changed),
         "simulated": stored_attempt.is_simulated(stored["software"]),
         "issuer": {**asdict(issuer), "laboratory_address": issuer.laboratory.address},
         "item": {"serial": stored["serial"], "identity": identity, "lot": stored["lot"]},
@@ -100,6 +103,16 @@ def visit_of(recipe: Recipe, visit: Mapping[str, Any]) -> dict[str, Any]:
     true = recipe.true_vector(recipe.position(visit["name"]), visit["seating"]) if known else None
     stimulus = None if true is None else [float(value) for value in true[: recipe.axes]]
     return {**{key: visit.get(key) for key in keys}, "stimulus": stimulus, **own}
+
+
+def first_number(stored: Mapping[str, Any]) -> str:
+    """Number of an attempt's certificate, as long as nothing on it is changed."""
+    return f"{stored['station']}-{stored['attempt']}"
+
+
+def beside_log(issuer: Issuer, stored: Mapping[str, Any]) -> str:
+    """Digests of what a certificate says beside the attempt: issuer's words, and signatures so far."""
+    return digests_of({**asdict(issuer), "signatures": stored_attempt.signatures(stored)})
 
 
 def any_false_accept(verdict: Mapping[str, Any], decided: Sequence[Mapping[str, Any]]) -> float | None:

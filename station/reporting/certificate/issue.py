@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from station.domain.records.issued_certificate import Edition
 from station.ports.store import LogHead
 from station.reporting.certificate.facts import SCHEMA
 from station.reporting.certificate.issuer import Issuer
@@ -20,7 +21,8 @@ _MARK = re.compile(rf"{re.escape(_NAME)} ([A-Za-z0-9+/]+=*)".encode())
 
 @dataclass(frozen=True, slots=True)
 class CertificateIssue:
-    """serial, attempt: whose; issued: ISO date; head: of the log then; receipt: the witness' newest then, or None."""
+    """serial, attempt: whose; issued: ISO date; head: of the log then; receipt: the witness' newest then, or None;
+    number, replaces, changed: see Edition; number is '' in older files."""
 
     serial: str
     attempt: str
@@ -30,6 +32,14 @@ class CertificateIssue:
     receipt: Mapping[str, Any] | None = None
     language: str = "en"
     dcc_version: str = ""
+    number: str = ""
+    replaces: str = ""
+    changed: tuple[str, ...] = ()
+
+    @property
+    def edition(self) -> Edition:
+        """Which certificate of its attempt it says to be."""
+        return Edition(self.number, self.issued, self.replaces, self.changed)
 
     def mark(self) -> str:
         """As a PDF and a DCC bear it: letters, digits, + / = alone."""
@@ -51,6 +61,9 @@ def of_facts(facts: Mapping[str, Any], language: str = "en", dcc_version: str = 
         log["witness"],
         language,
         dcc_version,
+        str(facts["number"]),
+        str(facts.get("replaces", "")),
+        tuple(map(str, facts.get("changed", ()))),
     )
 
 
@@ -61,4 +74,5 @@ def find_mark(data: bytes) -> CertificateIssue | None:
         return None
     document = json.loads(base64.b64decode(found[0], validate=True))
     head, issuer = LogHead(**document.pop("head")), Issuer.of(document.pop("issuer"))
-    return CertificateIssue(head=head, issuer=issuer, **document)
+    changed = tuple(map(str, document.pop("changed", ())))
+    return CertificateIssue(head=head, issuer=issuer, changed=changed, **document)

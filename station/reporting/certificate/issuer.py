@@ -21,17 +21,23 @@ class Party:
         return ", ".join(part for part in (self.street, f"{self.post_code} {self.city}".strip(), self.country) if part)
 
 
+_TEXTS = ("signatory", "accreditation", "place")
+
+
 @dataclass(frozen=True, slots=True)
 class Issuer:
-    """laboratory, customer; signatory: who answers for it; accreditation: its number, '' where there is none."""
+    """laboratory, customer; signatory: who answers for it; accreditation: its number, '' where there is none; place:
+    where it was calibrated, in the DCC's words."""
 
     laboratory: Party = Party()
     customer: Party = Party()
     signatory: str = ""
     accreditation: str = ""
+    place: str = "laboratory"
 
     @staticmethod
     def of(document: Mapping[str, Any]) -> "Issuer":
         """The issuer that a settings block describes."""
         parties = {key: Party(**document[key]) for key in ("laboratory", "customer")}
-        return Issuer(**parties, signatory=document["signatory"], accreditation=document["accreditation"])
+        texts = {"place": "laboratory"} | {key: document[key] for key in document if key in _TEXTS}
+        return Issuer(parties["laboratory"], parties["customer"], **texts)

@@ -30,7 +30,9 @@ def issue(w: SectionWriter, content: Mapping[str, Any]) -> CertificateTable:
     rows = {
         "number": content["number"],
         "issued": content["issued"],
+        **({"replaced": content["replaces"]} if content["replaces"] else {}),
         "laboratory": _named(issuer["laboratory"]),
+        "place": w.say(f"place-{issuer['place'].lower()}"),
         "customer": _named(issuer["customer"]),
         "signatory": issuer["signatory"],
         "method": f"{method['name']}; {w('recipe')} {method['recipe']}, {w('version')} {method['version']}",
