@@ -17,6 +17,7 @@ import numpy as np
 from metrology_rows.bound import bound
 from metrology_rows.certificates import certificates
 from metrology_rows.indices import indices
+from metrology_rows.kinds import kinds
 from metrology_rows.poses import poses, sites, taught, tilts, white
 from metrology_rows.readings import clipped, rounding, slow, taken_for_granted
 from metrology_rows.report import Report
@@ -28,7 +29,7 @@ from station.domain.methods import uncertainty
 ROWS: dict[str, Callable[[int, Report], None]] = {
     "white": white, "bound": bound, "tilts": tilts, "taught": taught, "poses": poses, "rounding": rounding,
     "method": taken_for_granted, "slow": slow, "sites": sites, "clipped": clipped, "risks": risks, "learnt": learnt,
-    "indices": indices, "certificates": certificates,
+    "kinds": kinds, "indices": indices, "certificates": certificates,
 }  # fmt: skip
 
 

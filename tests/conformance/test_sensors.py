@@ -186,6 +186,44 @@ def test_g_sensitivity_of_a_gyroscope_stands_in_the_budget_where_it_cannot_be_fi
     assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.02] * 3)
 
 
+def test_a_stated_g_sensitivity_is_no_scatter_as_well(rng: np.random.Generator) -> None:
+    """Six spins about upright axes: gravity pulls differently at each, which leaves residuals and moves no gain."""
+    spins = [
+        {"name": f"{axis}{sign}", "up": f"+{axis}", "rate": (100 * sign * np.eye(3)["xyz".index(axis)]).tolist()}
+        for axis in "xyz"
+        for sign in (1, -1)
+    ]
+    reference = {"source": "rate", "magnitude_std": 0.01, "nest_std_deg": 0.1}
+    more: dict[str, Any] = {"positions": spins, "reference": reference}
+    recipe = tumble.recipe("six-point", "gyroscope", device={"g_sensitivity": 0.02}, **more)
+    pull = 0.02 * np.repeat(rng.standard_normal((3, 3)), 2, axis=0)
+    found = tumble.calibrate_unit(
+        recipe, tumble.table(recipe, (tumble.truths(recipe) + pull)[None], 0.01, 50, rng), tumble.TODAY
+    )
+    assert found.budget is not None
+    assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.02 / np.sqrt(3)] * 3, rel=1e-3)
+    assert found.budget.std()[[3, 7, 11]] == pytest.approx([1e-4] * 3, rel=0.2), "the table's speed alone"
+
+
+def test_a_table_that_stands_still_has_no_wrong_speed() -> None:
+    """What is stated is its fastest speed's; the Earth's turning is known."""
+    speeds = {"rest": 0.0, "slow": 10.0, "fast": 100.0}
+    places = [{"name": name, "rate": [0, 0, speed]} for name, speed in speeds.items()]
+    site = {"latitude_deg": 48.0, "altitude_m": 0.0, "heading_deg": 0.0}
+    reference = {"source": "rate", "site": site, "magnitude_std": 0.01}
+    recipe = tumble.recipe("n-point", "gyroscope", positions=places, reference=reference)
+
+    def wrong(*names: str) -> list[float]:
+        seats = ("home",) * len(names)
+        felt = references.true_vectors(recipe, names, seats)
+        return [
+            float(v) for v in np.linalg.norm(references.truth_errors(recipe, names, seats, felt)["rate"][0], axis=1)
+        ]
+
+    assert wrong("rest", "slow", "fast") == pytest.approx([0.0, 0.001, 0.01])
+    assert wrong("slow") == pytest.approx([0.001]), "of one position as of all"
+
+
 def test_what_gravity_and_temperature_do_is_listed_as_assumed_unless_stated(rng: np.random.Generator) -> None:
     """A gyroscope of which nobody states it is taken to show 0.1 deg/s for 1 g; temperature coefficients of 0 are
     said to be an assumption. Stated zeros are not."""

@@ -228,7 +228,15 @@ def _stated_patterns(recipe: Recipe, visits: ReducedVisits) -> Floats:
     if not recipe.pose_known or r.source == "gold":
         return np.zeros((0, len(visits), 3))
     found = references.direction_errors(recipe, visits.position, visits.seating, visits.true, degrees)
-    return np.concatenate([np.zeros((0, len(visits), 3)), *found.values()])
+    return np.concatenate([np.zeros((0, len(visits), 3)), *found.values(), *_stated_pull(recipe, visits)])
+
+
+def _stated_pull(recipe: Recipe, visits: ReducedVisits) -> list[Floats]:
+    """The g-sensitivity of a gyroscope as stated, where the fit does not take it out."""
+    if not recipe.device.g_sensitivity or nuisance(recipe, visits.position, visits.seating, visits.true).shape[1]:
+        return []
+    found = references.truth_errors(recipe, visits.position, visits.seating, visits.true)
+    return [found["g-sensitivity"]] if "g-sensitivity" in found else []
 
 
 def _method_patterns(recipe: Recipe, visits: ReducedVisits) -> Floats:

@@ -19,7 +19,7 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 5
+RULES = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,13 +22,15 @@ _SHARES = {
 _FIRST = 0.24
 #: Bitstream Vera stands in the file itself; what it has no glyph for is shown by the reader's Chinese font.
 _LATIN, _BOLD, _CHINESE = "Vera", "VeraBd", "STSong-Light"
+#: Tables of so many rows stand on one page; longer ones begin where so much of it is left, in points.
+_TOGETHER, _LEAST = 8, 150.0
 _COLOURS = {"PASS": "#0a6132", "FAIL": "#a8001c"}
 
 
 def pdf(certificate: Certificate) -> bytes:
     """One document, A4."""
     from reportlab.lib.pagesizes import A4
-    from reportlab.platypus import KeepTogether, Paragraph, SimpleDocTemplate, Spacer
+    from reportlab.platypus import CondPageBreak, KeepTogether, Paragraph, SimpleDocTemplate, Spacer
 
     fonts, wrap = _fonts(), "CJK" if certificate.language == "zh" else "LTR"
     title, head, cell = (_style(size, bold, wrap) for size, bold in ((17, True), (10.5, True), (8, False)))
@@ -39,7 +41,9 @@ def pdf(certificate: Certificate) -> bytes:
     for section in certificate.sections:
         heading = Paragraph(_text(section.title, fonts, _BOLD), head)
         table = _table(section, fonts, cell)
-        parts += [KeepTogether([heading, table]), Spacer(1, 7)]
+        whole = len(section.rows) <= _TOGETHER
+        parts += [KeepTogether([heading, table])] if whole else [CondPageBreak(_LEAST), heading, table]
+        parts.append(Spacer(1, 7))
     for words in certificate.statements:
         parts.append(Paragraph(_text(words, fonts, _LATIN), cell))
     paper = BytesIO()

@@ -27,9 +27,8 @@ class Gyroscope:
         self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...], true: Floats
     ) -> Mapping[str, Floats]:
         """The table's speed, the Earth's turning where site or heading is not said, and the pull of gravity."""
-        fastest = float(np.linalg.norm(true, axis=1).max()) or 1.0
         return {
-            "rate": (_rate_relative_std(recipe, fastest) * true)[None],
+            "rate": _table_speed(recipe, position, seating),
             "Earth rate": self._earth(recipe, position, seating),
             "g-sensitivity": self._gravity(recipe, position, seating),
         }
@@ -73,6 +72,11 @@ class Gyroscope:
         return np.asarray(np.einsum("vj,ik->ijvk", pull, np.eye(3)).reshape(9, len(position), 3))
 
 
-def _rate_relative_std(recipe: Recipe, fastest: float) -> float:
+def _table_speed(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+    """One share of the table's speed, stated at its fastest; a table that stands still has no wrong speed."""
+    places = [recipe.position(p) for p in position]
+    rates = [recipe.seating(s).T @ np.array(p.rate or (0.0,) * 3) for p, s in zip(places, seating, strict=True)]
+    fastest = max((float(np.linalg.norm(p.rate or (0.0,) * 3)) for p in (*recipe.positions, *places)), default=0.0)
     stated = recipe.reference.magnitude_std
-    return assumptions.RATE_RELATIVE if stated is None else stated / fastest
+    share = assumptions.RATE_RELATIVE if stated is None or not fastest else stated / fastest
+    return share * np.array(rates)[None]
