@@ -20,11 +20,11 @@ from station.domain.recipe.recipe import Recipe
 from station.model.effects.gain_temperature import GainTemperature
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
-from tests.blind.bench import WHITE, Floor, Hidden, World, hide, world
+from tests.blind.bench import WHITE, Array, Floor, Hidden, World, hide, world
 from tests.blind.hidden import KNOWN, per_unit
 from tests.blind.inspection import diagnosis_of, searched
 from tests.blind.outside import OUTSIDE
-from tests.blind.recipes import recipe
+from tests.blind.recipes import RATE_HZ, recipe
 from tests.portion import WHOLE, portion
 
 SEED = int(os.environ.get("SEED", "1"))
@@ -32,6 +32,8 @@ SEED = int(os.environ.get("SEED", "1"))
 CHOSEN = ("gain under vibration", "hysteresis with temperature", "resonance of the drive", "vibration by time")
 #: What a cause of the library imitates, and causes that some law resembles.
 IMITATED = ("size under vibration", "temperature on crosstalk", "product of axes that drifts")
+#: From here on a name is certain.
+SURE = 0.9
 #: Stops that a loop of temperature is cut into, s.
 CUTS_S = (10.0, 60.0, 120.0)
 RESEMBLED = ("cubic", "gain-temperature", "offset-temperature")
@@ -77,6 +79,25 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
     assert any("cross-axis" in n for n in names)
     assert any("quadratic" in n for n in names)
     assert found.verdict == "named"
+
+
+def test_one_cause_of_many_numbers_is_not_sure_where_two_of_few_say_as_much() -> None:
+    faces = load_recipe("six-point")
+    runs = tuple(recipe().runs[0].model_copy(update={"order": order}) for order in ("listed", "reversed", "shuffled"))
+    device = faces.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})
+    faces = faces.model_copy(update={"runs": runs, "device": device})
+
+    def tilted_and_askew(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
+        tilted, _ = KNOWN["nest-tilt"](w, rng)
+        return tilted, 2e-4 * np.roll(w.a, 1, axis=1) * [1.0, -1.5, 0.7] + 2e-4 * np.roll(w.a, -1, axis=1) * [
+            0.7,
+            1.0,
+            -1.5,
+        ]
+
+    table, _ = hide(faces, tilted_and_askew, 40 + SEED, units=1, d=14.0)
+    found = searched(faces, table).findings
+    assert len(found) > 1 or found[0].set_probability < SURE
 
 
 def test_a_whole_matrix_of_one_unit_is_cross_axis_and_rotation_and_no_formula() -> None:

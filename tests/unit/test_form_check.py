@@ -5,7 +5,7 @@ import math
 import pytest
 
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.finding import CauseFinding, depends_on
 from station.diagnosis.search.form_check import RivalLaws
 
 #: From here on a reader takes a name for certain.
@@ -59,3 +59,8 @@ def test_a_name_that_a_kernel_outdoes_says_on_what_the_kernel_depends() -> None:
     finding = CauseFinding("cubic", None, floor, evidence, {"cubic": 0.05, "time": 0.95}, (), 20.0, 9.0)
     laws = RivalLaws(-3.0, ("input",))
     assert laws.judged(finding).doubts == ("time",)
+
+
+def test_kernels_that_explain_nothing_say_nothing() -> None:
+    assert depends_on({"time": -0.3, "input": -0.5}) == ()
+    assert depends_on({"time": 9.0, "input": 7.0, "order": -0.5}) == ("time", "input")

@@ -12,11 +12,7 @@ from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.search.alarm import UNKNOWN_NATS, NullDistribution, statistic
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
-from station.diagnosis.search.distinguishability import (
-    estimate_signal,
-    followed_share,
-    signature_axes,
-)
+from station.diagnosis.search.chain_starts import first_of_chains, parts_of_cause
 from station.diagnosis.search.finding import (
     CauseFinding,
     cause_finding,
@@ -28,7 +24,6 @@ from station.diagnosis.search.form_check import compare_laws, compare_laws_with_
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
-    causes_of,
     keep_best,
     leaders,
     rank_causes,
@@ -42,9 +37,8 @@ from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_wal
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
 
-#: Causes that are tried together against a kernel, how many of them as the first, and what it costs to choose one more,
-#: in nats: one of twenty.
-MAX_CHAIN, MAX_STARTS, CHOICE_NATS = 3, 3, 3.0
+#: Causes that are tried together against a kernel, and what it costs to choose one more, in nats: one of twenty.
+MAX_CHAIN, CHOICE_NATS = 3, 3.0
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
 #: Causes and kernels looked for at most, and how often one and the same may be found.
@@ -121,7 +115,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
                 break
             found += chain
         else:
-            found.append(search.accepted(state, ranks, cause))
+            found += search.in_parts(state, ranks, cause, [f.name for f, _ in found])
         state = found[-1][1]
     findings = search.judged_again(state.problem, tuple(f for f, _ in found))
     findings, other_forms = _with_forms_checked(problem, state, findings)
@@ -204,6 +198,27 @@ class _Search:
         finding = cause_finding(state.problem, ranks, cause, state.statistic)
         return finding, self.state(_accept_finding(state.problem, finding))
 
+    def in_parts(
+        self, state: _State, ranks: Mapping[str, RankedCause], cause: RankedCause, before: Sequence[str]
+    ) -> list[tuple[CauseFinding, _State]]:
+        """The cause, or several of few numbers that together explain more than one of many does alone."""
+        accepted = self.accepted(state, ranks, cause)
+        parts = parts_of_cause(state.problem, ranks, cause)
+        if not parts or accepted[1].alarms:
+            return [accepted]
+        # A cause that is known already is no other part.
+        never_again = [*before, *before, *[cause.name] * MAX_REPEATS]
+        tried = [self._chain_from(first, state, ranks, never_again) for first in parts if first.name not in before]
+        simpler = [
+            (value, found)
+            for value, found in tried
+            if not found[-1][1].alarms and sum(f.numbers for f, _ in found) <= accepted[0].numbers
+        ]
+        value, found = max(simpler, default=(-np.inf, []), key=lambda pair: pair[0])
+        if value > cause.evidence:
+            return found
+        return [(accepted[0].beside(value - cause.evidence), accepted[1])]
+
     def judged_again(self, problem: ScoringProblem, findings: tuple[CauseFinding, ...]) -> tuple[CauseFinding, ...]:
         """The findings, each with the probabilities and the rivals that it has beside all others: what one cause leaves
         behind blurs the first ranking of another."""
@@ -237,7 +252,7 @@ class _Search:
         """
         kernel = leaders(ranks)[1]
         target = 0.0 if kernel is None else kernel.evidence
-        causes = _first_of_chains(state.problem, ranks, kernel)
+        causes = first_of_chains(state.problem, ranks, kernel)
         tried = [self._chain_from(first, state, ranks, before) for first in causes]
         value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
         # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to.
@@ -284,28 +299,6 @@ def _with_forms_checked(
             words += laws.words if laws.is_ahead else ()
             i += 1
     return tuple(checked), tuple(dict.fromkeys(words))
-
-
-def _first_of_chains(
-    problem: ScoringProblem, ranks: Mapping[str, RankedCause], kernel: RankedCause | None
-) -> list[RankedCause]:
-    """The causes to begin a chain with: those of the largest evidence, and those that hold most of what the kernel
-    follows, each coefficient counted as noise would count it."""
-    there = (r for r in causes_of(ranks) if r.best is not None and r.at.shows(r.best))
-    causes = sorted(there, key=lambda r: -r.evidence)
-    evident = [r for r in causes if r.evidence > 0][:MAX_STARTS]
-    if kernel is None or kernel.best is None:
-        return evident
-    moving = any(r.best is not None and r.best.dwell is not None for r in (*causes, kernel))
-    space = problem.space(kernel.at.floor, moving=moving)
-    followed = estimate_signal(kernel.best, problem.view, space, np.ones(len(kernel.best.names)))
-    shares = []
-    for r in causes:
-        assert r.best is not None
-        axes = signature_axes(r.best, problem.view, space, r.at.hit(r.best, problem.view, alone=True).astype(float))
-        shares.append(followed_share(followed, axes))
-    held = [causes[i] for i in np.argsort(shares)[::-1][:MAX_STARTS] if shares[i] > 0]
-    return list({r.name: r for r in (*evident, *held)}.values())
 
 
 def _accept_finding(problem: ScoringProblem, finding: CauseFinding) -> ScoringProblem:

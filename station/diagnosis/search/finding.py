@@ -1,7 +1,7 @@
 """What a search finds: a cause with its probability and its rivals, or a kernel that no cause explains."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,17 @@ class CauseFinding:
     doubts: tuple[str, ...] = ()
 
     @property
+    def numbers(self) -> int:
+        """How many coefficients it has, over all units."""
+        item = self.accepted
+        return 0 if item is None else int(np.count_nonzero(item.hit)) * item.coefficient.shape[1]
+
+    def beside(self, nats: float) -> "CauseFinding":
+        """The finding with its probability where something that is none of the causes is so many nats ahead of it."""
+        share = 1 / (1 + np.exp(min(nats, 500.0)))
+        return replace(self, probability={name: float(p * share) for name, p in self.probability.items()})
+
+    @property
     def set_probability(self) -> float:
         """Of the cause together with those it cannot be told from."""
         members = (self.name, *self.indistinguishable_from)
@@ -64,9 +75,10 @@ class CauseFinding:
 
 
 def depends_on(kernels: Mapping[str, float]) -> tuple[str, ...]:
-    """The covariates of the kernels that explain most, by their evidence; the likeliest first."""
+    """The covariates of the kernels that explain most, by their evidence; the likeliest first, none where none
+    explains anything."""
     top = max(kernels.values(), default=0.0)
-    near = [name for name, e in kernels.items() if e >= top - max(UNKNOWN_NATS, NEAR_SHARE * top)]
+    near = [name for name, e in kernels.items() if e > 0 and e >= top - max(UNKNOWN_NATS, NEAR_SHARE * top)]
     near.sort(key=lambda name: -kernels[name])
     return tuple(dict.fromkeys(word for name in near for word in covariates_of(name)))
 

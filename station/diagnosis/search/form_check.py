@@ -56,9 +56,7 @@ class RivalLaws:
 
     def judged(self, finding: CauseFinding) -> CauseFinding:
         """The finding with its probability against these laws, too, and what speaks against an unlikely one."""
-        share = 1 / (1 + np.exp(min(self.lead - PRIOR_NATS, 500.0)))
-        chances = {name: float(p * share) for name, p in finding.probability.items()}
-        judged = replace(finding, probability=chances)
+        judged = finding.beside(self.lead - PRIOR_NATS)
         doubts = self.words if self.lead > 0 else finding.covariates
         return replace(judged, doubts=doubts) if judged.is_unlikely else judged
 
