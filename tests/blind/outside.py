@@ -55,6 +55,10 @@ def _tired_with_moves(w: World, rng: Scaled) -> Array:
     return _share(w.t)[:, None] * (w.before - w.a)
 
 
+def _run_in_with_moves(w: World, rng: Scaled) -> Array:
+    return np.exp(-2 * _share(w.t))[:, None] * (w.before - w.a)
+
+
 def _vibration_by_time(w: World, rng: Scaled) -> Array:
     return w.motor * np.cos(np.pi * _share(w.t))
 
@@ -99,6 +103,7 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "hysteresis with temperature": ({"temperature", "order"}, per_unit(3e-4, _hysteresis_with_temperature)),
     "hysteresis with load": ({"order", "input"}, per_unit(3e-4, _hysteresis_with_load)),
     "hysteresis that grows": ({"order", "time"}, per_unit(3e-4, _tired_with_moves)),
+    "hysteresis that fades": ({"order", "time"}, per_unit(3e-4, _run_in_with_moves)),
     "size under vibration": ({"motor", "input"}, per_unit(3e-4, _size_under_vibration)),
     "temperature on crosstalk": ({"temperature", "input"}, per_unit(3e-5, _temperature_on_crosstalk)),
     "product of axes that drifts": ({"time", "input"}, per_unit(3e-4, _product_that_drifts)),

@@ -81,11 +81,23 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
     assert found.verdict == "named"
 
 
-def test_one_cause_of_many_numbers_is_not_sure_where_two_of_few_say_as_much() -> None:
+def six_faces(*orders: str) -> Recipe:
+    """The faces of a cube in some orders."""
     faces = load_recipe("six-point")
-    runs = tuple(recipe().runs[0].model_copy(update={"order": order}) for order in ("listed", "reversed", "shuffled"))
+    runs = tuple(recipe().runs[0].model_copy(update={"order": order}) for order in orders)
     device = faces.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})
-    faces = faces.model_copy(update={"runs": runs, "device": device})
+    return faces.model_copy(update={"runs": runs, "device": device})
+
+
+def test_what_fades_is_no_certain_hysteresis_at_six_faces() -> None:
+    faces = six_faces("listed")
+    table, _ = hide(faces, OUTSIDE["hysteresis that fades"][1], 60 + SEED, d=24.0)
+    found = searched(faces, table)
+    assert all(f.words or f.doubts or f.set_probability < SURE for f in found.findings)
+
+
+def test_one_cause_of_many_numbers_is_not_sure_where_two_of_few_say_as_much() -> None:
+    faces = six_faces("listed", "reversed", "shuffled")
 
     def tilted_and_askew(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
         tilted, _ = KNOWN["nest-tilt"](w, rng)

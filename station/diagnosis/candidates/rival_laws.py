@@ -6,7 +6,7 @@ What the library's causes do themselves is left out. These columns, like those o
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations, product
 
 import numpy as np
@@ -44,12 +44,13 @@ Law = tuple[str, tuple[Floats, ...]]
 @dataclass(frozen=True, slots=True, eq=False)
 class Curves:
     """Functions (v) of one covariate. plain: a straight line; bent and switched: at one place each; waves: cosine and
-    sine of one period each."""
+    sine of one period each; fading: what is nought at the end, in place of the beginning."""
 
     plain: Floats
     bent: tuple[Floats, ...]
     switched: tuple[Floats, ...]
     waves: tuple[tuple[Floats, Floats], ...] = ()
+    fading: tuple[Floats, ...] = ()
 
 
 def covariates_of_law(name: str) -> tuple[str, ...]:
@@ -90,7 +91,8 @@ def _curves(view: ResidualView) -> Iterator[tuple[str, Curves]]:
     if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
         yield "temperature", _curves_of(T, _centred(T))
     if np.ptp(scene.time_s) > 0:
-        yield "time", _curves_of(scene.time_s, _from_zero(scene.time_s))
+        left = _from_zero(scene.time_s.max() - scene.time_s)
+        yield "time", replace(_curves_of(scene.time_s, _from_zero(scene.time_s)), fading=(left, left**2))
     if motor is not None and np.ptp(motor) > 0:
         between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
         chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
@@ -163,6 +165,7 @@ def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator
         x = _each(of.plain)
         yield from ((f"{name}*input", (x * form,)) for form in (a**2, np.abs(a), a**3))
         yield from ((f"{name}*order", (x * form,)) for form in (step, np.abs(a) * step))
+        yield from ((f"{name}*order", (_each(x) * step,)) for x in of.fading)
 
 
 def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
