@@ -68,7 +68,7 @@ def test_marks_tell_the_rule_by_shape_and_by_text(quiet: list[float], six_point:
     assert "SN0031" in low
     assert "outside the limits" in low
     shifted = drawn([*quiet, *(v + 0.002 for v in quiet[:10])], six_point)
-    assert "eight on a side" in shifted
+    assert "nine on a side" in shifted
 
 
 def test_the_choice_is_what_is_listed(quiet: list[float], six_point: Recipe) -> None:

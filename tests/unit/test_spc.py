@@ -39,16 +39,48 @@ def test_c4_matches_the_tables(n: int, published: float) -> None:
         ([0, 0, 3.1], "beyond 3σ"),
         ([2.1, 0, 2.1], "two of three beyond 2σ"),
         ([1.1, 1.1, 0, 1.1, 1.1], "four of five beyond 1σ"),
-        ([0.1] * 8, "eight on a side"),
-        ([-0.1] * 8, "eight on a side"),
+        ([0.1] * 9, "nine on a side"),
+        ([-0.1] * 9, "nine on a side"),
+        ([2.1, 2.1], "two of three beyond 2σ"),
+        ([-1.1] * 4, "four of five beyond 1σ"),
     ],
 )
-def test_each_western_electric_rule_fires_on_its_last_point(z: list[float], rule: str) -> None:
-    assert (len(z) - 1, rule) in spc.western_electric(np.array(z), 0.0, 1.0)
+def test_each_rule_of_zones_fires_on_its_last_point(z: list[float], rule: str) -> None:
+    assert (len(z) - 1, rule) in spc.nelson(np.array(z), 0.0, 1.0)
+
+
+def test_eight_on_a_side_are_not_nine() -> None:
+    assert spc.nelson(np.array([0.1] * 8), 0.0, 1.0) == ()
+
+
+def test_the_individuals_chart_of_the_nist_handbook() -> None:
+    """Flow rates of ten batches (NIST/SEMATECH e-Handbook, 6.3.2.2): centre 50.81, limits 45.8159 and 55.8041."""
+    flow = np.array([[49.6], [47.6], [49.9], [51.3], [47.8], [51.2], [52.6], [52.4], [53.6], [52.1]])
+    location, spread = spc.charts(flow)
+    assert location.centre == pytest.approx(50.81)
+    assert spread.centre == pytest.approx(1.8778, abs=5e-5)
+    assert (location.lower, location.upper) == (pytest.approx(45.8159, abs=1e-4), pytest.approx(55.8041, abs=1e-4))
+    assert location.alarms == spread.alarms == ()
+
+
+def _with(mean: float, s: float, n: int) -> np.ndarray:
+    """n values of exactly that mean and standard deviation."""
+    x = np.linspace(-1, 1, n)
+    return (mean + s * (x - x.mean()) / x.std(ddof=1))[:, None]
+
+
+def test_intervals_of_the_textbook() -> None:
+    """Montgomery, Statistical Quality Control, examples 8.4 and 8.5: n = 20, limits 38 and 62, s = 1.75:
+    Cp between 1.57 and 3.01; a Cpk of 1.33 between 0.88 and 1.78 (by a normal approximation)."""
+    found = capability.capability(_with(50.0, 1.75, 20), 38.0, 62.0)
+    assert found.pp == pytest.approx((2.29, 1.57, 3.01), abs=0.006)
+    s = 1.0
+    one_sided = capability.capability(_with(0.0, s, 20), None, 3 * 1.33 * s)
+    assert one_sided.ppk == pytest.approx((1.33, 0.88, 1.78), abs=0.02)
 
 
 def test_opposite_sides_do_not_add_up() -> None:
-    assert spc.western_electric(np.array([2.1, 0, -2.1]), 0.0, 1.0) == ()
+    assert spc.nelson(np.array([2.1, 0, -2.1]), 0.0, 1.0) == ()
 
 
 def test_capability_knows_within_from_overall(rng: np.random.Generator) -> None:

@@ -76,46 +76,29 @@ def _spread(groups: Floats, kind: ChartKind, sigma: float, name: str) -> Chart:
     return Chart(name, points, centre, lower, upper, out)
 
 
-def western_electric(points: Floats, centre: float, sigma: float) -> tuple[tuple[int, str], ...]:
-    """Western Electric rules 1–4 on points (m): the index of the point that completes a pattern, and the rule."""
-    if sigma <= 0:
-        return ()
-    z = (np.asarray(points, float) - centre) / sigma
-    found = [(int(i), "beyond 3σ") for i in np.flatnonzero(np.abs(z) > 3)]
-    rules = (
-        (3, 2, 2.0, "two of three beyond 2σ"),
-        (5, 4, 1.0, "four of five beyond 1σ"),
-        (8, 8, 0.0, "eight on a side"),
-    )
-    for window, wanted, level, name in rules:
-        for side in (1, -1):
-            found += [(int(i), name) for i in _runs(side * z > level, window, wanted)]
-    return tuple(sorted(set(found)))
-
-
 def nelson(points: Floats, centre: float, sigma: float) -> tuple[tuple[int, str], ...]:
-    """Nelson's eight rules (1984, J. Quality Technology 16): those of Western Electric, and trends, alternation, points
-    that hug the centre and points that avoid it."""
+    """Nelson's eight rules (1984, J. Quality Technology 16; ISO 7870-2): the index of the point that completes a
+    pattern, and the rule."""
     if sigma <= 0:
         return ()
     z = (np.asarray(points, float) - centre) / sigma
     step = np.sign(np.diff(z))
-    found = list(western_electric(points, centre, sigma))
+    found = [(int(i), "beyond 3σ") for i in np.flatnonzero(np.abs(z) > 3)]
     for side in (1, -1):
-        found += [(int(i) + 1, "six in a trend") for i in _runs(side * step > 0, 5, 5)]
-    found += [(int(i) + 2, "fourteen alternating") for i in _runs(step[1:] * step[:-1] < 0, 12, 12)]
-    found += [(int(i), "fifteen within 1σ") for i in _runs(np.abs(z) < 1, 15, 15)]
-    found += [(int(i), "eight beyond 1σ on both sides") for i in _runs(np.abs(z) > 1, 8, 8)]
+        found += [(i, "two of three beyond 2σ") for i in _runs(side * z > 2, 3, 2)]
+        found += [(i, "four of five beyond 1σ") for i in _runs(side * z > 1, 5, 4)]
+        found += [(i, "nine on a side") for i in _runs(side * z > 0, 9, 9)]
+        found += [(i + 1, "six in a trend") for i in _runs(side * step > 0, 5, 5)]
+    found += [(i + 2, "fourteen alternating") for i in _runs(step[1:] * step[:-1] < 0, 12, 12)]
+    found += [(i, "fifteen within 1σ") for i in _runs(np.abs(z) < 1, 15, 15)]
+    found += [(i, "eight beyond 1σ on both sides") for i in _runs(np.abs(z) > 1, 8, 8)]
     return tuple(sorted(set(found)))
 
 
-def _runs(beyond: NDArray[np.bool_], window: int, wanted: int) -> NDArray[np.int64]:
-    """Indices that are beyond themselves and end a window with `wanted` such points."""
-    if len(beyond) < window:
-        return np.zeros(0, np.int64)
-    count = np.convolve(beyond.astype(int), np.ones(window, int))[window - 1 : len(beyond)]
-    ends = np.arange(window - 1, len(beyond))
-    return ends[(count >= wanted) & beyond[ends]]
+def _runs(beyond: NDArray[np.bool_], window: int, wanted: int) -> list[int]:
+    """Indices that are beyond themselves and end a window with `wanted` such points; the first windows are short."""
+    count = np.convolve(beyond.astype(int), np.ones(window, int))[: len(beyond)] if len(beyond) else np.zeros(0)
+    return [int(i) for i in np.flatnonzero((count >= wanted) & beyond)]
 
 
 def _shape(groups: Floats) -> tuple[int, int]:
