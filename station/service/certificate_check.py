@@ -28,6 +28,7 @@ from station.ports.log_reader import Attempt, LogReader, Query, Trust
 from station.ports.store import LogHead
 from station.reporting.certificate import dcc, document, facts
 from station.reporting.certificate.issue import CertificateIssue, find_mark, of_facts
+from station.reporting.certificate.issuer import Issuer
 from station.reporting.certificate.pdf import pdf
 from station.reporting.words import words_of
 from station.service.recompute import parse_recipe_and_product
@@ -46,7 +47,7 @@ _SIGNATURE = "{http://www.w3.org/2000/09/xmldsig#}Signature"
 class CheckedCertificate:
     """kind: json, xml or pdf; issue: what the file says that it was made with; findings: what is wrong, or nothing;
     remarks: that the log sealed this file or others, and what this version would make otherwise; sealed: the log has
-    its SHA-256, so that nothing in it is the file's own word."""
+    its SHA-256, or digests of what no log knows, so that nothing in it is the file's own word."""
 
     kind: str
     issue: CertificateIssue
@@ -78,7 +79,8 @@ def check_certificate(data: bytes, file: str, log: LogReader, trust: Trust) -> C
     found += _edition(issue, stored)
     others: dict[str, Value] = {"count": len(known), "format": _FORMATS[kind]}
     if known and not differs and not found:
-        return CheckedCertificate(kind, issue, tuple(found), (Message("certificate-check-other-copy", **others),))
+        copy = Message("certificate-check-other-copy", **others)
+        return CheckedCertificate(kind, issue, tuple(found), (copy,), sealed=_is_known(issue, stored))
     if known and differs:
         found.append(Message("certificate-check-not-issued", **others))
     return CheckedCertificate(kind, issue, tuple(_listed([*found, *differs])))
@@ -179,6 +181,11 @@ def _as_then(stored: Mapping[str, Any], issue: CertificateIssue) -> Mapping[str,
     return {**stored, "events": [e for e in stored["events"] if e["record"] <= issue.head.number]}
 
 
+def _is_known(issue: CertificateIssue, stored: Mapping[str, Any]) -> bool:
+    """Whether the log keeps digests of what the certificate says beside the log."""
+    return any(file.number == issue.number and file.beside for _, file in issued_files(stored))
+
+
 def _edition(issue: CertificateIssue, stored: Mapping[str, Any]) -> Iterator[Message]:
     """What in number, date and issuer is otherwise than it was issued, as far as the log keeps that."""
     known = [file for _, file in issued_files(stored)]
@@ -189,8 +196,8 @@ def _edition(issue: CertificateIssue, stored: Mapping[str, Any]) -> Iterator[Mes
         if number != first or issue.replaces:
             yield Message("certificate-check-number", number=number[:80])
         return
-    if not file.beside:
-        return  # an older version's: it kept neither
+    if not file.beside or issue.issuer == Issuer():
+        return  # an older version kept neither; the page's copies name no issuer
     edition = edition_of(known, number)
     if edition != issue.edition:
         yield Message("certificate-check-edition", number=number, issued=file.issued)

@@ -14,7 +14,9 @@ from station.domain.records.issued_certificate import IssuedFile, digest_of, iss
 from station.errors import UsageError
 from station.panel_protocol.sealing_socket import taking_requests
 from station.ports.log_reader import Query
-from station.service.certificates import seal_issued_files
+from station.reporting.certificate.pdf import pdf
+from station.reporting.words import words_of
+from station.service.certificates import certificate_of, seal_issued_files
 from station.wiring.logs import open_log
 from tests.fakes import fixture_run
 
@@ -103,13 +105,13 @@ def test_a_log_that_takes_nothing_still_gives_certificates(folder: Path, capsys:
 
 
 def test_another_copy_than_the_issued_ones_is_named_as_such(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its contents are the log's, its date and laboratory are its own word."""
+    """Its contents are the log's, its date and laboratory those that were issued."""
     issue("--xml", "c.xml")
     with SqliteStore(folder / "station.db", "station-1"):
         issue("--xml", "other.xml")
     code, shown = check("other.xml", capsys)
     assert (code, "holds 1 DCC file as issued for this attempt; this is another one" in shown) == (0, True), shown
-    assert "compare it yourself" in shown
+    assert "compare it yourself" not in shown
 
 
 def configured(**changed: str) -> None:
@@ -139,6 +141,20 @@ def test_another_customer_makes_another_certificate_which_names_the_one_it_repla
     assert json.loads((folder / "1b.json").read_text())["number"] == first["number"], "a copy of the first"
     for name in ("1.pdf", "1.json", "2.json", "2.xml", "2.pdf", "1b.json"):
         assert check(name, capsys)[0] == 0, name
+    (folder / "1b.json").write_text(json.dumps(json.loads((folder / "1b.json").read_text())))
+    code, shown = check("1b.json", capsys)
+    assert code == 0 and "this is another one" in shown
+    assert "compare it yourself" not in shown, "customer and date are those that were issued"
+
+
+def test_the_page_s_copy_of_an_issued_certificate_is_good(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It names no laboratory and no customer."""
+    configured()
+    issue("--pdf", "c.pdf")
+    with open_log(folder / "station.db") as log:
+        shown = certificate_of(log, log.attempts(Query(serial="SN0001"))[0], words_of("en"))
+    (folder / "page.pdf").write_bytes(pdf(shown))
+    assert check("page.pdf", capsys)[0] == 0
 
 
 def test_an_issuer_or_day_that_was_not_issued_is_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
