@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from station.cli import _output
 from station.errors import LogError, UsageError
 from station.files.replace import replacing
-from station.messages import Message
+from station.messages import Message, system_reason
 from station.ports.log_reader import Query
 from station.reporting.words import words_of
 
@@ -24,7 +24,10 @@ def write_bundle(log: "LogReader", query: Query, path: Path) -> int:
         raise LogError("log-no-such-attempt-of", log=log.location, serial=query.serial)
     from station.service.evidence import bundle
 
-    with _output.activity(Message("activity-writing", file=str(path))), replacing(path) as part:
-        part.write_bytes(bundle(log, ended[0], words_of("en")))
+    try:
+        with _output.activity(Message("activity-writing", file=str(path))), replacing(path) as part:
+            part.write_bytes(bundle(log, ended[0], words_of("en")))
+    except OSError as exc:
+        raise UsageError("option-not-written", option="--bundle", path=str(path), why=system_reason(exc)) from exc
     _output.print_line(str(path))
     return 0

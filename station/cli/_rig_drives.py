@@ -10,7 +10,7 @@ from station.cli._output import print_json, print_line, print_message, print_rem
 from station.domain.rig.rig_map import RigMap
 from station.errors import UsageError
 from station.files.replace import replace_text
-from station.messages import Message, render
+from station.messages import Message, render, system_reason
 from station.service.rig_check import RigCheck
 
 SCHEMA = "station.rig-check/1"
@@ -51,7 +51,10 @@ def write_map(path: Path, rig: RigMap) -> None:
     """Writes a map that a person may go on editing: without the defaults."""
     document = rig.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     text = yaml.safe_dump({"schema": "station.rig/1", **document}, sort_keys=False, allow_unicode=True)
-    replace_text(path, text)
+    try:
+        replace_text(path, text)
+    except OSError as exc:
+        raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
 def map_document(rig: RigMap) -> dict[str, Any]:

@@ -3,9 +3,11 @@
 import ast
 import difflib
 import errno
+import functools
 import gc
 import importlib
 import keyword
+import math
 import os
 import signal
 import sys
@@ -151,8 +153,25 @@ def _command(name: str) -> Any:
     module = name.replace("-", "_") + ("_" if keyword.iskeyword(name) else "")
     function = importlib.import_module(f"station.cli.{module}").command
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(name, help=_help(function))(function)
+    app.command(name, help=_help(function))(_finite(name, function))
     return get_command(app)
+
+
+def _finite(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    """The command, which refuses numbers that are none: 'nan', 'inf' and those beyond a float's range."""
+
+    @functools.wraps(function)
+    def checked(**values: Any) -> Any:
+        for key, value in values.items():
+            numbers = value if isinstance(value, (list, tuple)) else (value,)
+            for number in numbers:
+                if isinstance(number, float) and not math.isfinite(number):
+                    reason = Message("value-not-finite", given=number)
+                    why = Message("option-wrong", option=f"--{key.strip('_').replace('_', '-')}", reason=reason)
+                    raise UsageError("command-line-wrong", command=name, why=why)
+        return function(**values)
+
+    return checked
 
 
 def _run(name: str, args: list[str]) -> int:

@@ -1,5 +1,6 @@
 """A file is replaced whole or not at all: written under another name in its folder, then renamed (rename(2))."""
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -14,6 +15,8 @@ def replacing(path: Path, *, durable: bool = False, mode: int = 0o666) -> Iterat
     The place bears the file's ending, for writers that go by it. durable: both the content and the name are on the
     disk before this returns. mode: of the new file, less the umask. Errors: OSError.
     """
+    if not path.name:  # '.', which an empty word on a command line becomes
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     part = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
     os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode))
     try:

@@ -16,7 +16,7 @@ from tests.fakes.command import Done, captured
 #: What a library would say, and no person should read.
 LEAKS = re.compile(
     r"input should|type=|pydantic|validation error|traceback|nonetype|object has no attribute|expecting value|"
-    r"codec can|unhashable|errno|<class|0x[0-9a-f]{10,}|tokenizing|arrowinvalid|keyerror|"
+    r"codec can|unhashable|errno|<class| at 0x[0-9a-f]{8,}|tokenizing|arrowinvalid|keyerror|"
     r"https?://errors|unsupported operand|\w+Warning: ",
     re.IGNORECASE,
 )

@@ -5,12 +5,14 @@ A small share of each kind; tests/endurance/wrong_inputs.py tries 200 of every c
 
 import io
 import random
+import shlex
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import SEED
-from tests.fakes.wrong_inputs import FILES, all_commands, complaint, wrong_files, wrong_lines
+from tests.fakes.command import captured
+from tests.fakes.wrong_inputs import FILES, WrongInput, all_commands, complaint, wrong_files, wrong_lines
 
 EACH = 9
 
@@ -34,3 +36,21 @@ def test_wrong_command_lines(here: Path) -> None:
     found = [complaint(w) for name in all_commands() for w in wrong_lines(name, rng, 3)]
     assert len(found) > 70
     assert [c for c in found if c is not None] == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "diagnose --samples s.csv --recipe six-point --report ''",
+        "simulate --recipe six-point --unit-spread nan --out s.csv",
+        "msa grr --samples readings.csv --tolerance 1e400",
+        "rig --simulate plc --loads 1 --memory other.json",
+        "device --interface virtual --channel here --node 17 --serial 99999999999999999999",
+    ],
+)
+def test_what_a_newcomer_types(line: str, here: Path) -> None:
+    Path("other.json").write_text('{"schema": "station.golden/1"}')
+    Path("readings.csv").write_text("part,appraiser,trial,value\n" + "1,A,1,0.1\n" * 8)
+    words = shlex.split(line)
+    assert complaint(WrongInput("line", tuple(words))) is None
+    assert captured(*words).returncode == 2

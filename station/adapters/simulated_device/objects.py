@@ -1,6 +1,7 @@
 """The objects of a simulated device: values, checks with their abort codes, the lock, and what is kept at power-off."""
 
 import math
+import struct
 from collections.abc import Callable, Mapping
 
 from canopen.sdo import constants as sdo
@@ -14,7 +15,7 @@ from station.domain.product.device_map import DeviceMap
 from station.domain.product.firmware import PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_STATUS, SOFTWARE_ID
 from station.domain.product.object_dictionary import Address, ObjectDictionary, ObjectEntry, Value
 from station.domain.product.preset import PresetAxis, preset_axes
-from station.errors import InvalidValue, UnitFault
+from station.errors import InvalidValue, UnitFault, UsageError
 
 _LONGEST = {"STRING": 255, "OCTETS": 255, "DOMAIN": 4096}
 _COB_ID_FLAGS = 0xC000_0000
@@ -263,12 +264,19 @@ def _protected(device_map: DeviceMap) -> frozenset[Address]:
 
 
 def _packed(entry: ObjectEntry, value: Value) -> bytes:
-    """A value as bytes; bytes come as hex text from the memory's file, a float for an integer object is rounded."""
-    if entry.type_name in ("DOMAIN", "OCTETS") and isinstance(value, str):
-        return bytes.fromhex(value)
-    if isinstance(value, float) and entry.type_name not in ("REAL32", "REAL64"):
-        value = round(value)
-    return entry.pack(value)
+    """A value as bytes; bytes come as hex text from the memory's file, a float for an integer object is rounded.
+
+    Errors: UsageError.
+    """
+    try:
+        if entry.type_name in ("DOMAIN", "OCTETS") and isinstance(value, str):
+            return bytes.fromhex(value)
+        if isinstance(value, float) and entry.type_name not in ("REAL32", "REAL64"):
+            value = round(value)
+        return entry.pack(value)
+    except (struct.error, ValueError, OverflowError) as exc:
+        place = f"0x{entry.index:04X}:{entry.sub:02X}"
+        raise UsageError("simulated-value-beyond", value=str(value)[:40], object=place, type=entry.type_name) from exc
 
 
 def _check_pdo(entry: ObjectEntry, value: int) -> None:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 from station.adapters.simulated_plc.loads import CellLoads, Handed
+from station.errors import ConfigError
 from station.files.replace import replace_text
 
 
@@ -15,14 +16,18 @@ class RetentiveFile:
         self.starts = 1
 
     def restore(self, loads: CellLoads) -> None:
-        """What was kept, into the cell. A file that is not there is an empty memory."""
+        """What was kept, into the cell. A file that is not there is an empty memory. Errors: ConfigError."""
         if not self._path.exists():
             return
-        found = json.loads(self._path.read_text(encoding="utf-8"))
-        loads.nests, loads.load = tuple(found["nests"]), found["load"]
-        loads.taken, loads.bins_taken = found["taken"], found["bins_taken"]
-        loads.handed = [Handed(h["load"], tuple(h["serials"]), h["bins"]) for h in found["handed"]]
-        self.starts = found["starts"] + 1
+        try:
+            found = json.loads(self._path.read_text(encoding="utf-8"))
+            nests, load, taken, bins_taken = (found[name] for name in ("nests", "load", "taken", "bins_taken"))
+            handed = [Handed(h["load"], tuple(h["serials"]), h["bins"]) for h in found["handed"]]
+            starts = int(found["starts"])
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as exc:
+            raise ConfigError("plc-memory-damaged", file=str(self._path)) from exc
+        loads.nests, loads.load, loads.taken, loads.bins_taken = tuple(nests), int(load), taken, bins_taken
+        loads.handed, self.starts = handed, starts + 1
 
     def keep(self, loads: CellLoads) -> None:
         """Writes it where it has changed."""
