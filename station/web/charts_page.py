@@ -12,6 +12,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from station.errors import StationError, UsageError
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.line import charts
 from station.reporting.line.process_view import Chosen, ProcessView, view_process
 from station.reporting.line.statistics import VALUE_NAMES, LineStatistics
@@ -43,7 +44,7 @@ async def show(request: Request, session: Session) -> Response:
     words = language.words(language.of_request(request))
     line = await run_in_threadpool(_statistics, panel, filters)
 
-    def draw() -> tuple[charts.Charts, ProcessView, str]:
+    def draw() -> tuple[charts.Charts, ProcessView, Drawing | None]:
         drawn = charts.draw(line, value, size, words, overview=False)
         process = view_process(line, value, Chosen(first, last, change), _short_local, words)
         return drawn, process, charts.draw_pareto(line, words, partial(_audit_address, filters))

@@ -15,6 +15,7 @@ from starlette.responses import HTMLResponse
 from station.domain.records.stored_attempt import utc
 from station.messages import Message, labels, term
 from station.panel_protocol.accounts import RIGHTS
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.number_text import format_number, format_time, format_to_uncertainty
 from station.service import time_text
 from station.web import language
@@ -33,7 +34,7 @@ def environment() -> Environment:
     made.filters |= {
         "utc": utc,
         "number": format_number,
-        "drawing": Markup,
+        "drawing": _drawing,
         "term": _term,
         "sentence": _sentence,
         "quoted": format_to_uncertainty,
@@ -43,6 +44,13 @@ def environment() -> Environment:
     }
     made.globals |= {"symbols": SYMBOLS, "static": static_address}
     return made
+
+
+def _drawing(drawing: Drawing | str) -> Markup:
+    """Both widths: the page's style shows the one that the window has room for. Who draws escapes every text."""
+    if isinstance(drawing, str):
+        return Markup(drawing)
+    return Markup(f'<div class="wide-only">{drawing}</div><div class="narrow-only">{drawing.narrow()}</div>')
 
 
 @pass_context

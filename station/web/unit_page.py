@@ -14,6 +14,7 @@ from station.domain.records.stored_attempt import is_simulated, result, signatur
 from station.errors import LogError
 from station.panel_protocol.signature import Meaning
 from station.ports.log_reader import Attempt, LogReader, Query
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.line import unit_view
 from station.reporting.line.statistics import AttemptValues, values_of
 from station.reporting.words import Words
@@ -57,7 +58,8 @@ def _why(chosen: dict[str, Any], unit: str, day: list[AttemptValues], words: Wor
     reasons = verdict.get("reasons") or []
     first = unit_view.deciding(fit, reasons, words)
     own = values_of(chosen) if chosen["outcome"] else None
-    near, sentence = "", ""
+    near: Drawing | None = None
+    sentence = ""
     if first and own:
         near = unit_view.neighbours(day, own, first.what, unit_view.limits_of_value(fit, first.what), words)
         sentence = unit_view.nest_sentence(day, own, first.what, words)

@@ -34,6 +34,11 @@ return [...document.querySelectorAll("body *")]
   .filter((n) => n.getBoundingClientRect().right > wide + 1 && !n.closest(own))
   .map((n) => n.outerHTML.slice(0, 120));
 """
+#: Drawings that would have to be moved sideways to be seen whole.
+_CUT_FIGURES = """
+return [...document.querySelectorAll("figure")].filter((n) => n.scrollWidth > n.clientWidth + 1)
+  .map((n) => n.outerHTML.slice(0, 120));
+"""
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +66,7 @@ def test_pages_are_accessible_on_every_screen(site: Site, log_in: Callable[..., 
             page.device(width, height)
             assert judged(page, axe) == [], at
             assert page.script(_SIDEWAYS) == [], f"{at} at {width} px"
+            assert page.script(_CUT_FIGURES) == [], f"{at} at {width} px"
             small = page.script(
                 "return [...document.querySelectorAll('button, input:not([type=hidden]):not([type=checkbox]), select')]"
                 ".filter(n => n.offsetParent && n.offsetHeight < 44).map(n => n.outerHTML)"

@@ -70,7 +70,7 @@ def test_the_capability_is_that_of_the_values_in_the_log(line: LineStatistics) -
 
 
 def test_every_figure_is_there(line: LineStatistics) -> None:
-    titles = "".join(charts.draw(line, "gain z", 2, words_of("en")).figures)
+    titles = "".join(map(str, charts.draw(line, "gain z", 2, words_of("en")).figures))
     for wanted in (
         "Yield by day",
         "Reasons of attempts",
@@ -80,7 +80,7 @@ def test_every_figure_is_there(line: LineStatistics) -> None:
         "Tilt of each",
     ):
         assert wanted in titles
-    assert "moving range" in "".join(charts.draw(line, "noise", 1, words_of("en")).figures)
+    assert "moving range" in "".join(map(str, charts.draw(line, "noise", 1, words_of("en")).figures))
 
 
 def test_too_few_values_are_said_and_wrong_ones_refused(line: LineStatistics) -> None:

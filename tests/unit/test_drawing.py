@@ -9,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.reporting.drawing import limit_bar, scale, tables
-from station.reporting.drawing.figure import Figure, Series, panels, svg
+from station.reporting.drawing.box import Box, draw_boxes
+from station.reporting.drawing.drawing import Drawing
+from station.reporting.drawing.figure import Figure, Series, panels, plot, svg
+from station.reporting.drawing.levels import Level
 
 NS = "{http://www.w3.org/2000/svg}"
 
@@ -78,7 +81,8 @@ def test_panels_stand_below_each_other_and_each_has_its_title() -> None:
 
 @pytest.mark.parametrize(("value", "closer"), [(0.0369, False), (0.078, True), (0.0824, True)])
 def test_a_closer_look_is_drawn_only_near_a_limit(value: float, closer: bool) -> None:
-    drawn = limit_bar.draw(limit_bar.LimitBar(value, 0.0006, -0.08, 0.08, 0.0, ("low", "target", "high", "ok")), "x")
+    bar = limit_bar.LimitBar(value, 0.0006, -0.08, 0.08, 0.0, ("low", "target", "high", "ok"))
+    drawn = str(limit_bar.draw(bar, "x"))
     assert ('height="216"' in drawn) is closer
     assert 'stroke="#677683"' in drawn if closer else 'stroke="#677683"' not in drawn
 
@@ -86,7 +90,7 @@ def test_a_closer_look_is_drawn_only_near_a_limit(value: float, closer: bool) ->
 @pytest.mark.parametrize("value", [0.7, 0.9899, 0.9999, 1.001, 1.3])
 def test_labels_of_narrow_limits_do_not_meet(value: float) -> None:
     words = ("Untergrenze", "Sollwert", "Obergrenze", "erlaubt")
-    root = ET.fromstring(limit_bar.draw(limit_bar.LimitBar(value, 0.0031, 0.995, 1.005, 1.0, words), "gain x"))
+    root = ET.fromstring(str(limit_bar.draw(limit_bar.LimitBar(value, 0.0031, 0.995, 1.005, 1.0, words), "gain x")))
     placed: dict[str, list[tuple[float, float]]] = {}
     for text in (t for t in root.iter(f"{NS}text") if (t.text or "").startswith(words)):
         wide = scale.text_width(text.text or "", 13)
@@ -96,3 +100,36 @@ def test_labels_of_narrow_limits_do_not_meet(value: float) -> None:
         row.sort()
         assert all(right < left for (_, right), (left, _) in itertools.pairwise(row))
     assert sum(map(len, placed.values())) == (3 if 0.98 < value < 1.02 else 2)
+
+
+def beyond_paper(drawing: Drawing) -> list[str]:
+    """Texts that stick out of the paper of a phone, as wide as they are in common letters."""
+    root = ET.fromstring(drawing.narrow())
+    wide = float(root.attrib["width"])
+    found = []
+    for text in root.iter(f"{NS}text"):
+        if "transform" in text.attrib:
+            continue
+        long = 0.9 * scale.text_width(text.text or "", int(text.attrib["font-size"]))
+        anchor = text.attrib["text-anchor"]
+        left = float(text.attrib["x"]) - {"start": 0.0, "middle": long / 2, "end": long}[anchor]
+        if left < -1 or left + long > wide + 1:
+            found.append(text.text or "")
+    return found
+
+
+def test_on_a_phone_every_word_stands_on_the_paper() -> None:
+    long = ("Stückzahl außerhalb der Grenzen", "berechnen und schreiben", "Identifizieren")
+    lines = tuple(Series([0, 1], [i, i + 1], f"{name} {i}") for i, name in enumerate(long))
+    words = ("Untergrenze", "Sollwert", "Obergrenze", "erlaubt")
+    levels = [Level(-0.08, "USG -0.08", "limit"), Level(0.01, "Mittelwert 0.0123", "centre")]
+    for drawing in (
+        plot(Figure("Ein Titel, der für ein Telefon zu lang geraten ist", "x", "y", lines)),
+        tables.bar_drawing("Taktzeit eines guten Stücks", [(name, 12.3) for name in long], "s"),
+        tables.pareto("Gründe", [tables.Count(name, i + 1) for i, name in enumerate(long)], "Summe"),
+        limit_bar.draw(limit_bar.LimitBar(0.0824, 0.0006, -0.08, 0.08, 0.0, words), "Nullpunkt"),
+        draw_boxes("Nach Nest", [Box(nest, 7, (0, 1, 2, 3, 4)) for nest in "ABCD"], levels),
+    ):
+        assert beyond_paper(drawing) == []
+        assert 'width="350"' in drawing.narrow()
+        assert 'width="350"' not in str(drawing)

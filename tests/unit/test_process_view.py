@@ -45,7 +45,7 @@ def quiet() -> list[float]:
 
 
 def drawn(values: list[float], recipe: Recipe, chosen: Chosen = Chosen()) -> str:  # noqa: B008 - frozen
-    return view_process(line_of(values, recipe), "gain y", chosen, str, words_of("en")).chart
+    return str(view_process(line_of(values, recipe), "gain y", chosen, str, words_of("en")).chart)
 
 
 def test_a_unit_outside_its_limits_does_not_widen_the_control_limits(quiet: list[float], six_point: Recipe) -> None:
@@ -74,10 +74,10 @@ def test_marks_tell_the_rule_by_shape_and_by_text(quiet: list[float], six_point:
 def test_the_choice_is_what_is_listed(quiet: list[float], six_point: Recipe) -> None:
     seen = view_process(line_of(quiet, six_point), "gain y", Chosen(5, 9), str, words_of("en"))
     assert [number for number, _ in seen.selected] == [5, 6, 7, 8, 9]
-    assert 'class="picked"' in seen.chart
+    assert 'class="picked"' in str(seen.chart)
     assert len(view_process(line_of(quiet, six_point), "gain y", Chosen(last=999), str, words_of("en")).selected) == 30
-    assert re.findall(r">([ABC])</text>", seen.boxes) == ["A", "B", "C"]
-    assert view_process(line_of(quiet[:1], six_point), "gain y", Chosen(), str, words_of("en")).chart == ""
+    assert re.findall(r">([ABC])</text>", str(seen.boxes)) == ["A", "B", "C"]
+    assert view_process(line_of(quiet[:1], six_point), "gain y", Chosen(), str, words_of("en")).chart is None
 
 
 def test_the_change_of_a_mean_is_welchs() -> None:
@@ -92,7 +92,7 @@ def test_the_change_of_a_mean_is_welchs() -> None:
 
 
 def test_the_bars_of_reasons_lead_to_their_attempts() -> None:
-    shown = pareto("Why", [Count("Noise", 1), Count("Gain <y>", 3, "/audit?check=gain&nest=B")], "running sum")
+    shown = str(pareto("Why", [Count("Noise", 1), Count("Gain <y>", 3, "/audit?check=gain&nest=B")], "running sum"))
     assert shown.index("Gain &lt;y&gt;") < shown.index("Noise")
     assert 'href="/audit?check=gain&amp;nest=B"' in shown
     assert "75 %" in shown

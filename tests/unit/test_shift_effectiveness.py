@@ -66,7 +66,7 @@ def test_the_charts_show_it(log: SqliteLogReader) -> None:
         drawn = charts.draw(line, "offset x", 1, words_of("de"))
     table = next(t for t in drawn.tables if t.title == "Anlageneffektivität nach Schicht")
     assert table.rows[0][0] == "1970-01-01 06:00"
-    assert any("Verfügbarkeit" in figure for figure in drawn.figures)
+    assert any("Verfügbarkeit" in str(figure) for figure in drawn.figures)
 
 
 def test_without_a_line_there_is_none(tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import mark, svg_document, svg_text
-from station.reporting.drawing.levels import Level, draw_levels, grid
+from station.reporting.drawing.levels import Level, draw_levels, grid, names_width
 from station.reporting.drawing.scale import Scale, axis_range
 
 _WIDTH, _HEIGHT = 560.0, 330.0
@@ -21,10 +22,14 @@ class Box:
     outside: tuple[float, ...] = ()
 
 
-def draw_boxes(title: str, boxes: Sequence[Box], levels: Sequence[Level]) -> str:
-    """SVG of the boxes in their order."""
+def draw_boxes(title: str, boxes: Sequence[Box], levels: Sequence[Level]) -> Drawing:
+    """The boxes in their order."""
+    return Drawing(lambda width: _svg(title, boxes, levels, width), _WIDTH)
+
+
+def _svg(title: str, boxes: Sequence[Box], levels: Sequence[Level], width: float) -> str:
     values = [v for box in boxes for v in (*box.quartiles, *box.outside)]
-    x = Scale(0, max(len(boxes), 1), 70.0, _WIDTH - 100)
+    x = Scale(0, max(len(boxes), 1), min(70.0, 0.14 * width), width - names_width(levels))
     y = Scale(*axis_range([*values, *(level.y for level in levels)]), _HEIGHT - 52, 40.0)
     parts = [*grid(x, y), *draw_levels(levels, x, y)]
     half = min(34.0, 0.3 * (x(1) - x(0)))
@@ -32,7 +37,7 @@ def draw_boxes(title: str, boxes: Sequence[Box], levels: Sequence[Level]) -> str
         parts += _box(box, x(place + 0.5), half, y)
         parts.append(svg_text(x(place + 0.5), _HEIGHT - 30, box.name, "middle", weight=600))
         parts.append(svg_text(x(place + 0.5), _HEIGHT - 12, f"n = {box.n}", "middle"))
-    return svg_document(_WIDTH, _HEIGHT, title, parts)
+    return svg_document(width, _HEIGHT, title, parts)
 
 
 def _box(box: Box, at: float, half: float, y: Scale) -> list[str]:

@@ -1,11 +1,12 @@
 """A figure is a frozen value: series on two axes. `svg` draws it."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import pairwise
 from typing import Literal
 
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.scale import Scale, axis_range, text_width, tick_label, ticks
 
 #: Okabe & Ito: distinguishable with any colour vision, and on white at least 3 : 1 where lines are thin.
@@ -44,7 +45,7 @@ class Figure:
     series: tuple[Series, ...]
     x_names: tuple[str, ...] = ()
     levels: tuple[tuple[float, str], ...] = ()
-    width: int = 640
+    width: float = 640
     height: int = 300
     zero: bool = True
 
@@ -52,6 +53,11 @@ class Figure:
 def svg(figure: Figure) -> str:
     """The figure as one SVG element with a title for screen readers."""
     return svg_document(figure.width, figure.height, figure.title, _parts(figure))
+
+
+def plot(figure: Figure) -> Drawing:
+    """The figure for any width."""
+    return Drawing(lambda width: svg(replace(figure, width=width)), figure.width)
 
 
 def panels(title: str, figures: Sequence[Figure]) -> str:
@@ -73,11 +79,12 @@ def svg_document(width: float, height: float, title: str, parts: Iterable[str]) 
     """An SVG element around parts, with the title as text and for screen readers."""
     body = "\n".join(parts)
     role = "group" if "<a " in body else "img"  # what leads somewhere is no mere picture
+    size = min(14, int((width - 24) / max(text_width(title, 1), 1.0)))  # a title longer than the paper is set smaller
     style = 'font-family="system-ui, sans-serif" font-size="12" fill="#222"'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" width="{width:g}" '
         f'height="{height:g}" role="{role}" {style}>\n<title>{escape(title)}</title>\n'
-        f'<rect width="{width:g}" height="{height:g}" fill="#fff"/>\n{svg_text(12, 20, title, weight=600, size=14)}\n'
+        f'<rect width="{width:g}" height="{height:g}" fill="#fff"/>\n{svg_text(12, 20, title, weight=600, size=size)}\n'
         f"{body}\n</svg>\n"
     )
 
@@ -101,7 +108,7 @@ def _scales(figure: Figure) -> tuple[Scale, Scale]:
     up = axis_range(ys, zero=figure.zero)
     bottom = figure.height - _BOTTOM - (26 if _labels_slanted(figure) else 0)
     return Scale(*across, _LEFT, figure.width - _RIGHT), Scale(
-        *up, bottom, _TOP + (20 if _legend_below_title(figure) else 0)
+        *up, bottom, _TOP + (20 * len(_legend_rows(figure)) if _legend_below_title(figure) else 0)
     )
 
 
@@ -115,6 +122,21 @@ def _legend_below_title(figure: Figure) -> bool:
     """Whether the legend would run into the title; then it stands under it."""
     names = sum(text_width(s.name) + 22 for s in figure.series if s.name)
     return bool(names) and 12 + text_width(figure.title, 15) + 8 + names > figure.width - _RIGHT
+
+
+def _legend_rows(figure: Figure) -> list[list[Series]]:
+    """The named series, as many in a row as it has room for."""
+    rows: list[list[Series]] = []
+    room = 0.0
+    for s in figure.series:
+        wide = text_width(s.name) + 22
+        if s.name and (not rows or wide > room):
+            rows.append([])
+            room = figure.width - _RIGHT - 12
+        if s.name:
+            rows[-1].append(s)
+            room -= wide
+    return rows
 
 
 def _frame(figure: Figure, x: Scale, y: Scale) -> list[str]:
@@ -201,13 +223,16 @@ def _band_or_bars(s: Series, x: Scale, y: Scale, colour: str) -> list[str]:
 
 
 def _legend(figure: Figure) -> list[str]:
-    parts, at, down = [], figure.width - _RIGHT, 20.0 if _legend_below_title(figure) else 0.0
-    for s in reversed([s for s in figure.series if s.name]):
-        at -= text_width(s.name) + 22
-        colour = COLOURS[s.colour % len(COLOURS)]
-        shown = s.kind == "dots" and s.mark != "circle"
-        parts.append(mark(s.mark, at + 5, 16 + down, colour) if shown else _rect(at, 11 + down, 10, 10, colour))
-        parts.append(svg_text(at + 14, 20 + down, s.name))
+    parts, down = [], 20.0 if _legend_below_title(figure) else 0.0
+    for row in _legend_rows(figure):
+        at = figure.width - _RIGHT
+        for s in reversed(row):
+            at -= text_width(s.name) + 22
+            colour = COLOURS[s.colour % len(COLOURS)]
+            shown = s.kind == "dots" and s.mark != "circle"
+            parts.append(mark(s.mark, at + 5, 16 + down, colour) if shown else _rect(at, 11 + down, 10, 10, colour))
+            parts.append(svg_text(at + 14, 20 + down, s.name))
+        down += 20
     return parts
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from station.reporting.drawing.figure import svg_text
-from station.reporting.drawing.scale import Scale, tick_label, ticks
+from station.reporting.drawing.scale import Scale, text_width, tick_label, ticks
 
 Stroke = Literal["limit", "control", "target", "centre"]
 #: Colour, width and dashes of each stroke: specification solid, control limits dashed, target dotted.
@@ -35,6 +35,11 @@ def grid(x: Scale, y: Scale) -> list[str]:
         parts.append(f'<path d="M{x.start:.1f} {y(value):.1f}H{x.end:.1f}" stroke="#dde3e8"/>')
         parts.append(svg_text(x.start - 8, y(value) + 4, tick_label(value), "end"))
     return parts
+
+
+def names_width(levels: Sequence[Level]) -> float:
+    """The room right of a plot that the names of its lines need, px."""
+    return 22 + max((text_width(level.name) for level in levels), default=0.0)
 
 
 def draw_levels(levels: Sequence[Level], x: Scale, y: Scale) -> list[str]:

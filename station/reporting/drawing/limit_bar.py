@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import mark, svg_document, svg_text
-from station.reporting.drawing.scale import text_width, tick_label
+from station.reporting.drawing.scale import Scale, text_width, tick_label
 
 _WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 74.0, 150.0
 _GREEN, _RED, _INK = "#bcd8c9", "#ae131f", "#14212c"
@@ -37,69 +38,69 @@ class LimitBar:
         return self.low <= self.value <= self.high
 
 
-def draw(bar: LimitBar, title: str) -> str:
-    """SVG of the whole bar, and below it of the surroundings of the value."""
+def draw(bar: LimitBar, title: str) -> Drawing:
+    """The whole bar, and below it the surroundings of the value."""
+    return Drawing(lambda width: _svg(bar, title, width), _WIDTH)
+
+
+def _svg(bar: LimitBar, title: str, width: float) -> str:
     low, high = min(bar.low, bar.value - (bar.expanded or 0.0)), max(bar.high, bar.value + (bar.expanded or 0.0))
-    whole = (low - 0.06 * (high - low), high + 0.06 * (high - low))
+    whole = Scale(low - 0.06 * (high - low), high + 0.06 * (high - low), 20.0, width - 20.0)
     parts = _bar(bar, whole, _BAR_Y, named=True)
     edge = min((bar.low, bar.high), key=lambda limit: abs(limit - bar.value))
     reach = max(1.6 * abs(edge - bar.value), 3.0 * (bar.expanded or 0.0))
     wide = bar.high - bar.low
     close = bar.expanded is not None and 0 < bar.expanded < _CLOSE * wide and reach < _NEAR * wide
     if close:
-        near = (bar.value - reach, bar.value + reach)
+        near = Scale(bar.value - reach, bar.value + reach, 20.0, width - 20.0)
         parts += _lens(bar, whole, near)
-    return svg_document(_WIDTH, 216 if close else 112, title, parts)
+    return svg_document(width, 216 if close else 112, title, parts)
 
 
-def _lens(bar: LimitBar, whole: tuple[float, float], near: tuple[float, float]) -> list[str]:
-    left, right = (_x(v, whole) for v in near)
+def _lens(bar: LimitBar, whole: Scale, near: Scale) -> list[str]:
+    left, right = whole(near.low), whole(near.high)
     lines = [
         f'<path d="M{a:.1f} {_BAR_Y + 16:g}L{b:.1f} {_ZOOM_Y - 22:g}" stroke="#677683" fill="none"/>'
-        for a, b in ((left, 20.0), (right, _WIDTH - 20))
+        for a, b in ((left, near.start), (right, near.end))
     ]
-    return [*lines, *_bar(bar, near, _ZOOM_Y, named=False), *_stated(bar)]
+    return [*lines, *_bar(bar, near, _ZOOM_Y, named=False), *_stated(bar, near)]
 
 
-def _stated(bar: LimitBar) -> list[str]:
+def _stated(bar: LimitBar, near: Scale) -> list[str]:
     """The value with its uncertainty in figures above the closer look, on white where the lines cross it."""
     expanded = bar.expanded or 1.0  # a closer look is drawn only where it is stated
     digits = max(1 - math.floor(math.log10(expanded)), 0)
     words, y = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}".replace("-", "−"), _ZOOM_Y - 32
-    half = text_width(words, 12) / 2 + 4
-    white = f'<rect x="{_WIDTH / 2 - half:.1f}" y="{y - 12:g}" width="{2 * half:.1f}" height="16" fill="#fff"/>'
-    return [white, svg_text(_WIDTH / 2, y, words, "middle", weight=600)]
+    half, middle = text_width(words, 12) / 2 + 4, (near.start + near.end) / 2
+    white = f'<rect x="{middle - half:.1f}" y="{y - 12:g}" width="{2 * half:.1f}" height="16" fill="#fff"/>'
+    return [white, svg_text(middle, y, words, "middle", weight=600)]
 
 
-def _x(value: float, across: tuple[float, float]) -> float:
-    return 20 + (_WIDTH - 40) * (value - across[0]) / (across[1] - across[0])
-
-
-def _bar(bar: LimitBar, across: tuple[float, float], y: float, *, named: bool) -> list[str]:
-    low, high = (min(max(_x(v, across), 20.0), _WIDTH - 20) for v in (bar.low, bar.high))
-    at, half = _x(bar.value, across), 13 if named else 20
+def _bar(bar: LimitBar, across: Scale, y: float, *, named: bool) -> list[str]:
+    low, high = (min(max(across(v), across.start), across.end) for v in (bar.low, bar.high))
+    at, half = across(bar.value), 13 if named else 20
     parts = [
-        f'<rect x="20" y="{y - half:g}" width="{_WIDTH - 40:g}" height="{2 * half:g}" fill="#f1f4f6"/>',
+        f'<rect x="20" y="{y - half:g}" width="{across.end - across.start:g}" height="{2 * half:g}" fill="#f1f4f6"/>',
         f'<rect x="{low:.1f}" y="{y - half:g}" width="{high - low:.1f}" height="{2 * half:g}" fill="{_GREEN}"/>',
     ]
     parts += _levels(bar, across, y, half, named=named)
     if bar.expanded is not None:
-        parts += _whiskers(_x(bar.value - bar.expanded, across), _x(bar.value + bar.expanded, across), y)
+        parts += _whiskers(across(bar.value - bar.expanded), across(bar.value + bar.expanded), y)
     colour = "#0b6a3d" if bar.inside else _RED
     return [*parts, mark("diamond", at, y, colour, 2.0)]
 
 
-def _levels(bar: LimitBar, across: tuple[float, float], y: float, half: float, *, named: bool) -> list[str]:
+def _levels(bar: LimitBar, across: Scale, y: float, half: float, *, named: bool) -> list[str]:
     """Limits and target with their labels, those of narrow limits above and below the bar; where even that is too
     narrow, the target goes without."""
     parts, rows = [], [(y - half - 8, list[_Span]()), (y + half + 18, list[_Span]())]
     for value, words, dash in ((bar.low, 0, ""), (bar.high, 2, ""), (bar.target, 1, "3 3")):
-        if not across[0] <= value <= across[1]:
+        if not across.low <= value <= across.high:
             continue
-        x = _x(value, across)
+        x = across(value)
         parts.append(_level(x, y, half, dash))
         label = f"{bar.words[words]} {tick_label(value)}" if named else tick_label(value)
-        anchor = "start" if x < 60 else "end" if x > _WIDTH - 60 else "middle"
+        anchor = "start" if x < across.start + 40 else "end" if x > across.end - 40 else "middle"
         own = _span(x, text_width(label, _LABEL_PX), anchor)
         for at, taken in rows if named else rows[1:]:
             if all(own[1] + _GAP < left or right + _GAP < own[0] for left, right in taken):

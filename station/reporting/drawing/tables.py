@@ -5,12 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import COLOURS, svg_document, svg_text
 from station.reporting.drawing.scale import text_width as width_of
 from station.reporting.drawing.scale import tick_label
 
 
-def bar_chart(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: int = 640) -> str:
+def bar_drawing(title: str, rows: Sequence[tuple[str, float]], unit: str = "") -> Drawing:
+    """The bars for any width."""
+    return Drawing(lambda width: bar_chart(title, rows, unit, width), 640)
+
+
+def bar_chart(title: str, rows: Sequence[tuple[str, float]], unit: str = "", width: float = 640) -> str:
     """One horizontal bar a row (name, value ≥ 0), the number at its end."""
     height, names = 44 + 24 * len(rows), 8 + max((width_of(n) for n, _ in rows), default=0.0)
     most = max((v for _, v in rows), default=0) or 1.0
@@ -25,6 +31,10 @@ def bar_chart(title: str, rows: Sequence[tuple[str, float]], unit: str = "", wid
     return svg_document(width, height, title, parts)
 
 
+#: The longest bar has at least this room beside its name, px.
+_LEAST_BAR_PX = 100.0
+
+
 @dataclass(frozen=True, slots=True)
 class Count:
     """How often something happened; address: where the single cases stand, '' for nowhere."""
@@ -34,23 +44,30 @@ class Count:
     address: str = ""
 
 
-def pareto(title: str, rows: Sequence[Count], running: str, width: int = 480) -> str:
+def pareto(title: str, rows: Sequence[Count], running: str) -> Drawing:
     """Bars from the most frequent on, each with its count and the running sum in per cent; a bar leads to its cases."""
+    return Drawing(lambda width: _pareto(title, rows, running, width), 480)
+
+
+def _pareto(title: str, rows: Sequence[Count], running: str, width: float) -> str:
     ordered = sorted(rows, key=lambda row: -row.count)
     whole = sum(row.count for row in ordered)
     names = 12 + max((width_of(row.name) for row in ordered), default=0.0)
+    above = 18 if width - names < _LEAST_BAR_PX + 130 else 0  # names stand above their bars where paper is narrow
+    names, tall = (4.0 if above else names), 32 + above
     room, parts, so_far = width - names - 130, [svg_text(width - 12, 42, running, "end")], 0
     for i, row in enumerate(ordered):
-        y, so_far = 52 + 32 * i, so_far + row.count
+        y, so_far = 52 + above + tall * i, so_far + row.count
         long = room * row.count / ordered[0].count
+        left, label_y = names + 8, (y - 6 if above else y + 16)
         drawn = (
-            f'{svg_text(12, y + 16, row.name)}<rect x="{names + 8:.0f}" y="{y}" width="{room:.1f}" height="24" '
-            f'fill="#e4e9ed"/><rect x="{names + 8:.0f}" y="{y}" width="{long:.1f}" height="24" fill="#0a5aa8"/>'
+            f'{svg_text(12, label_y, row.name)}<rect x="{left:.0f}" y="{y}" width="{room:.1f}" height="24" '
+            f'fill="#e4e9ed"/><rect x="{left:.0f}" y="{y}" width="{long:.1f}" height="24" fill="#0a5aa8"/>'
         )
         parts.append(f'<a href="{escape(row.address)}">{drawn}</a>' if row.address else drawn)
         parts.append(svg_text(names + 16 + room, y + 16, str(row.count), weight=600))
         parts.append(svg_text(width - 12, y + 16, f"{100 * so_far / whole:.0f} %", "end"))
-    return svg_document(width, 64 + 32 * len(ordered), title, parts)
+    return svg_document(width, 64 + tall * len(ordered), title, parts)
 
 
 def heat_map(

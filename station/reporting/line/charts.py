@@ -12,8 +12,9 @@ from station.domain.line_quality import capability, spc
 from station.domain.records.stored_attempt import utc
 from station.errors import UsageError
 from station.messages import Message
-from station.reporting.drawing.figure import Figure, Series, svg
-from station.reporting.drawing.tables import Count, bar_chart, pareto
+from station.reporting.drawing.drawing import Drawing
+from station.reporting.drawing.figure import Figure, Series, plot
+from station.reporting.drawing.tables import Count, bar_drawing, pareto
 from station.reporting.line import process_view
 from station.reporting.line.statistics import CYCLE_PARTS, VALUE_NAMES, YIELD_SPLITS, LineStatistics, limits_of
 from station.reporting.number_text import format_number
@@ -34,7 +35,7 @@ class ChartTable:
 class Charts:
     """What is shown, in its order. problem: why a control chart could not be drawn, or ''."""
 
-    figures: tuple[str, ...]
+    figures: tuple[Drawing, ...]
     tables: tuple[ChartTable, ...]
     problem: str = ""
 
@@ -70,16 +71,18 @@ def _translated(table: ChartTable, say: Translate) -> ChartTable:
     return ChartTable(title, tuple(say(c) for c in table.columns), rows, table.words)
 
 
-def _yield(line: LineStatistics, say: Translate) -> str:
+def _yield(line: LineStatistics, say: Translate) -> Drawing | None:
     days = list(line.yields["day"])[-31:]
     x = [float(i) for i in range(len(days))]
     first = _shares(x, [d.first_pass_yield for d in days], say("first pass"), 0)
     final = _shares(x, [d.final_yield for d in days], say("final"), 1)
     names = tuple(d.group for d in days)
-    return svg(Figure(say("Yield by day"), "", say("yield, %"), (first, final), names, ((100.0, ""),))) if days else ""
+    return (
+        plot(Figure(say("Yield by day"), "", say("yield, %"), (first, final), names, ((100.0, ""),))) if days else None
+    )
 
 
-def _effectiveness(line: LineStatistics, say: Translate) -> str:
+def _effectiveness(line: LineStatistics, say: Translate) -> Drawing | None:
     """Availability, performance and quality of the newest shifts."""
     shifts = list(line.shifts)[-31:]
     x = [float(i) for i in range(len(shifts))]
@@ -89,7 +92,7 @@ def _effectiveness(line: LineStatistics, say: Translate) -> str:
         _shares(x, [s.quality for s in shifts], say("quality"), 2),
     )
     names = tuple(_shift_name(s) for s in shifts)
-    return svg(Figure(say("Effectiveness by shift"), "", "%", series, names, ((100.0, ""),))) if shifts else ""
+    return plot(Figure(say("Effectiveness by shift"), "", "%", series, names, ((100.0, ""),))) if shifts else None
 
 
 def _shift_name(shift: Effectiveness) -> str:
@@ -130,31 +133,33 @@ def _shares(x: Sequence[float], shares: Sequence[float], name: str, colour: int)
     return Series([a for a, _ in measured], [b for _, b in measured], name, "dots", colour=colour)
 
 
-def _overview(line: LineStatistics, value: str, words: Words) -> tuple[str, ...]:
+def _overview(line: LineStatistics, value: str, words: Words) -> tuple[Drawing | None, ...]:
     view = process_view.view_process(
         line, value, process_view.Chosen(), lambda ns: utc(ns)[:16].replace("T", " "), words
     )
     return draw_pareto(line, words), view.chart, view.boxes, view.change
 
 
-def draw_pareto(line: LineStatistics, words: Words, address: Callable[[str], str] = lambda _check: "") -> str:
+def draw_pareto(
+    line: LineStatistics, words: Words, address: Callable[[str], str] = lambda _check: ""
+) -> Drawing | None:
     """Reasons by their names in the reader's language; one that it has no name for, by its code. address: where the
     attempts that a check failed stand."""
     names = words.texts
     rows = [Count(names.get(f"check_{check}", check), n, address(check)) for check, n in line.reasons.items()]
     title = words.term("Reasons of attempts that did not pass")
-    return pareto(title, rows, words.term("running sum")) if rows else ""
+    return pareto(title, rows, words.term("running sum")) if rows else None
 
 
-def _cycle(line: LineStatistics, say: Translate) -> str:
+def _cycle(line: LineStatistics, say: Translate) -> Drawing | None:
     passed = [m for m in line.attempts if m.outcome == "PASS"]
     rows = [(say(part), fmean(m.parts[part] for m in passed)) for part in CYCLE_PARTS] if passed else []
-    return bar_chart(say("Cycle time of a unit that passes, mean"), rows, "s") if rows else ""
+    return bar_drawing(say("Cycle time of a unit that passes, mean"), rows, "s") if rows else None
 
 
 def _control(
     line: LineStatistics, value: str, size: int, say: Translate
-) -> tuple[list[str], list[ChartTable], Message | None]:
+) -> tuple[list[Drawing], list[ChartTable], Message | None]:
     if value not in VALUE_NAMES:
         raise UsageError("chart-value-unknown", value=value[:40], known=VALUE_NAMES)
     if not 1 <= size <= 25:
@@ -179,7 +184,7 @@ def _control(
     return drawn, [*tables, *indices], problem
 
 
-def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -> str:
+def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -> Drawing:
     x = [float(i + 1) for i in range(len(chart.points))]
     out = sorted({i for i, _ in chart.alarms})
     series = (
@@ -194,7 +199,7 @@ def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -
     )
     named = f"{say(chart.name)} (n = {size})" if size > 1 else say(chart.name)
     title = f"{say(value)}: {named}"
-    return svg(Figure(title, say("subgroup"), f"{say(value)} {unit}".strip(), series, levels=levels, zero=False))
+    return plot(Figure(title, say("subgroup"), f"{say(value)} {unit}".strip(), series, levels=levels, zero=False))
 
 
 def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[ChartTable], Message | None]:
@@ -221,14 +226,14 @@ def _capability(line: LineStatistics, value: str, groups: Floats) -> tuple[list[
     return [ChartTable(f"Capability: {value}", ("quantity", "value"), tuple(rows), words=True)], None
 
 
-def _tilts(line: LineStatistics, say: Translate) -> list[str]:
+def _tilts(line: LineStatistics, say: Translate) -> list[Drawing]:
     """One figure: the tilt found at each position, attempt by attempt; a fixture that wears shows here."""
     names = sorted({name for m in line.attempts for name in m.tilts})
     if len(line.attempts) < 2 or not names:
         return []
     shown = names[:: max(1, -(-len(names) // 6))]
     series = [_tilt_of(line, name, i) for i, name in enumerate(shown)]
-    return [svg(Figure(say("Tilt of each position over time"), say("attempt"), say("tilt, degrees"), tuple(series)))]
+    return [plot(Figure(say("Tilt of each position over time"), say("attempt"), say("tilt, degrees"), tuple(series)))]
 
 
 def _tilt_of(line: LineStatistics, name: str, colour: int) -> Series:

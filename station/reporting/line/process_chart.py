@@ -6,29 +6,44 @@ from html import escape
 from itertools import groupby
 
 from station.messages import Message
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import mark, svg_document, svg_text
-from station.reporting.drawing.levels import draw_levels, grid
+from station.reporting.drawing.levels import draw_levels, grid, names_width
 from station.reporting.drawing.scale import Scale, axis_range, text_width
 from station.reporting.line.value_series import OTHER_RULE, RULE_SHAPES, Control, ValueSeries
 from station.reporting.number_text import format_number
 from station.reporting.words import Words
 
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 980.0, 400.0, 74.0, 130.0, 66.0, 52.0
+_WIDTH, _HEIGHT, _LEFT, _TOP, _BOTTOM = 980.0, 400.0, 74.0, 66.0, 52.0
 _BLUE, _RED, _AMBER, _INK = "#0a5aa8", "#ae131f", "#ffb938", "#14212c"
-#: As many instants stand under the axis.
-_INSTANTS = 6
+#: As many instants stand under the axis at most, and each takes so much room, px.
+_INSTANTS, _INSTANT_PX = 6, 100.0
 
 
 def draw_process(
     process: ValueSeries, chosen: tuple[int, int] | None, change_at: int, when: Callable[[int], str], words: Words
-) -> str:
-    """SVG. chosen: first and last chosen unit, from 1, None for no choice; change_at: the first unit after a change;
+) -> Drawing:
+    """chosen: first and last chosen unit, from 1, None for no choice; change_at: the first unit after a change;
     when: an instant, ns, as the reader's clock shows it."""
+    return Drawing(lambda width: _svg(process, chosen, change_at, when, words, width), _WIDTH)
+
+
+def _svg(
+    process: ValueSeries,
+    chosen: tuple[int, int] | None,
+    change_at: int,
+    when: Callable[[int], str],
+    words: Words,
+    width: float,
+) -> str:
     control, count = Control.of(process), len(process.values)
     levels = [*process.specification(words), *(control.levels(words) if control else ())]
-    x = Scale(0.5, count + 0.5, _LEFT, _WIDTH - _RIGHT)
-    y = Scale(*axis_range([*process.values, *(level.y for level in levels)]), _HEIGHT - _BOTTOM, _TOP)
+    x = Scale(0.5, count + 0.5, min(_LEFT, 0.14 * width), width - names_width(levels))
     rules = control.rules if control else {}
+    legend = _legend(process, rules, words, width)
+    y = Scale(
+        *axis_range([*process.values, *(level.y for level in levels)]), _HEIGHT - _BOTTOM, _TOP + 20 * (len(legend) - 1)
+    )
     parts = [
         *_picked(chosen, x, y),
         *grid(x, y),
@@ -37,10 +52,10 @@ def draw_process(
         *_points(process, rules, x, y, words),
         *_texts(process, rules, x, y, words),
         *_instants(process, x, y, when),
-        *_legend(process, rules, words),
+        *(part for row in legend for part in row),
     ]
     title = words.render(Message("chart-units-in-order", value=words.term(process.name), count=count))
-    return svg_document(_WIDTH, _HEIGHT, title, parts)
+    return svg_document(width, _HEIGHT, title, parts)
 
 
 def _picked(chosen: tuple[int, int] | None, x: Scale, y: Scale) -> list[str]:
@@ -93,23 +108,31 @@ def _texts(process: ValueSeries, rules: dict[int, str], x: Scale, y: Scale, word
 
 def _instants(process: ValueSeries, x: Scale, y: Scale, when: Callable[[int], str]) -> list[str]:
     count = len(process.values)
-    shown = sorted({round(i * (count - 1) / (_INSTANTS - 1)) for i in range(_INSTANTS)})
+    most = min(_INSTANTS, max(2, int((x.end - x.start) / _INSTANT_PX)))
+    shown = sorted({round(i * (count - 1) / (most - 1)) for i in range(most)})
     parts = []
     for i in shown:
-        anchor = "start" if i == 0 and count > 1 else "end" if i == count - 1 else "middle"
         parts.append(svg_text(x(i + 1), y.start + 18, str(i + 1), "middle"))
-        parts.append(svg_text(x(i + 1), y.start + 36, when(process.attempts[i].started_ns), anchor))
+        parts.append(
+            svg_text(max(x(i + 1), _INSTANT_PX / 2), y.start + 36, when(process.attempts[i].started_ns), "middle")
+        )
     return parts
 
 
-def _legend(process: ValueSeries, rules: dict[int, str], words: Words) -> list[str]:
+def _legend(process: ValueSeries, rules: dict[int, str], words: Words, width: float) -> list[list[str]]:
+    """Rows of as many entries as there is room for."""
     entries = [("circle", _BLUE, "in control")]
     entries += [(RULE_SHAPES.get(rule, OTHER_RULE), _AMBER, rule) for rule in dict.fromkeys(rules.values())]
     if not all(map(process.inside, process.values)):
         entries.append(("diamond", _RED, "outside the limits"))
-    parts, at = [], 20.0
+    rows: list[list[str]] = []
+    at = width
     for shape, colour, name in entries:
         text = words.term(name)
-        parts += [mark(shape, at, 42, colour, 1.4), svg_text(at + 11, 46, text)]
+        if at + 11 + text_width(text) > width:
+            rows.append([])
+            at = 20.0
+        down = 42 + 20 * (len(rows) - 1)
+        rows[-1] += [mark(shape, at, down, colour, 1.4), svg_text(at + 11, down + 4, text)]
         at += text_width(text) + 34
-    return parts
+    return rows

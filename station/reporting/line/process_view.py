@@ -8,6 +8,7 @@ import numpy as np
 from station.domain.line_quality.comparison import MeanChange, compare
 from station.messages import Message
 from station.reporting.drawing.box import Box, draw_boxes
+from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import mark, svg_document, svg_text
 from station.reporting.drawing.levels import grid
 from station.reporting.drawing.scale import Scale, axis_range
@@ -32,14 +33,14 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True)
 class ProcessView:
-    """SVG figures and what stands beside them; '' and () where there is nothing to show.
+    """Figures and what stands beside them; None, '' and () where there is nothing to show.
 
     selected: the chosen units with their numbers; change_sentence: the difference with its interval.
     """
 
-    chart: str = ""
-    boxes: str = ""
-    change: str = ""
+    chart: Drawing | None = None
+    boxes: Drawing | None = None
+    change: Drawing | None = None
     change_sentence: str = ""
     change_at: int = 0
     selected: tuple[tuple[int, AttemptValues], ...] = ()
@@ -69,7 +70,7 @@ def view_process(
     )
 
 
-def _boxes(process: ValueSeries, words: Words) -> str:
+def _boxes(process: ValueSeries, words: Words) -> Drawing:
     """Median, quartiles and range of each nest; single units outside the limits by themselves."""
     stations = {a.nest.partition("/")[0] for a in process.attempts}
     by_nest: dict[str, list[float]] = {}
@@ -85,26 +86,31 @@ def _boxes(process: ValueSeries, words: Words) -> str:
     return draw_boxes(title, boxes, process.specification(words))
 
 
-def _change(process: ValueSeries, change_at: int, words: Words) -> tuple[str, str]:
+def _change(process: ValueSeries, change_at: int, words: Words) -> tuple[Drawing | None, str]:
     """The units within specification before and after, and the change of their mean in words."""
     numbered = [(n, v) for n, v in enumerate(process.values, 1) if process.inside(v)]
     groups = [v for n, v in numbered if n < change_at], [v for n, v in numbered if n >= change_at]
     found = compare(np.array(groups[0]), np.array(groups[1]))
     if found is None:
-        return "", ""
+        return None, ""
     title = words.render(Message("chart-before-and-after", value=words.term(process.name), number=change_at))
     sentence = words.render(
         Message("chart-change", difference=format_number(found.difference, 3), half=format_number(found.half_width, 2))
     )
-    return svg_document(_WIDTH, _HEIGHT, title, _groups(groups, found, process.target, words)), sentence
+    return Drawing(
+        lambda width: svg_document(width, _HEIGHT, title, _groups(groups, found, process.target, words, width)), _WIDTH
+    ), sentence
 
 
 def _groups(
-    groups: tuple[list[float], list[float]], found: MeanChange, target: float | None, words: Words
+    groups: tuple[list[float], list[float]], found: MeanChange, target: float | None, words: Words, width: float
 ) -> list[str]:
     means = (found.before, found.after)
     ends = [m.mean + side * m.half_width for m in means for side in (-1, 1)]
-    x, y = Scale(0, 2, 70.0, _WIDTH - 20), Scale(*axis_range([*groups[0], *groups[1], *ends]), _HEIGHT - 62, 46.0)
+    x, y = (
+        Scale(0, 2, min(70.0, 0.14 * width), width - 20),
+        Scale(*axis_range([*groups[0], *groups[1], *ends]), _HEIGHT - 62, 46.0),
+    )
     parts = grid(x, y)
     if target is not None and y.low <= target <= y.high:
         parts.append(f'<path d="M{x.start} {y(target):.1f}H{x.end}" stroke="#14212c" stroke-dasharray="2 4"/>')

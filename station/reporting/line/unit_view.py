@@ -8,7 +8,8 @@ from typing import Any
 from station.domain.methods import coefficients
 from station.messages import Message
 from station.reporting.drawing import limit_bar
-from station.reporting.drawing.figure import Figure, Series, svg
+from station.reporting.drawing.drawing import Drawing
+from station.reporting.drawing.figure import Figure, Series, plot
 from station.reporting.drawing.limit_bar import LimitBar
 from station.reporting.line.statistics import AttemptValues
 from station.reporting.words import Words
@@ -23,7 +24,7 @@ class Deciding:
     """The coefficient that decided: its name, the bar, and in words how far it is from its limit."""
 
     what: str
-    chart: str
+    chart: Drawing
     margin: str
 
 
@@ -48,26 +49,28 @@ def rest(fit: Document | None, first: str, words: Words) -> list[tuple[str, str]
     return [(words.term(d["what"]), f"{100 * abs(d['value']) / d['limit']:.0f} %") for d in judged]
 
 
-def residual_figure(fit: Document | None, words: Words) -> str:
-    """SVG: what is left of each position's reading, with twice the standard deviation of its mean; '' without a fit."""
+def residual_figure(fit: Document | None, words: Words) -> Drawing | None:
+    """What is left of each position's reading, with twice the standard deviation of its mean; None without a fit."""
     positions = (fit or {}).get("positions") or ()
     unit = str((fit or {}).get("budget", [{}])[0].get("unit", ""))
     points = [(str(p["name"]), p["residual"], p.get("std_of_mean", (0.0,) * 3)) for p in positions]
     return _by_position(points, unit, words.render(Message("residuals-by-position")))
 
 
-def reading_figure(visits: Sequence[Document], unit: str, words: Words) -> str:
-    """SVG of the mean reading at each stop, with twice the standard deviation of a reading: what is known of a unit
-    that came to no calibration; '' where nothing was read."""
+def reading_figure(visits: Sequence[Document], unit: str, words: Words) -> Drawing | None:
+    """The mean reading at each stop, with twice the standard deviation of a reading: what is known of a unit
+    that came to no calibration; None where nothing was read."""
     read = [(v, v["statistics"]) for v in visits if v["statistics"].get("mean")]
     points = [(str(v["position"]), s["mean"], s.get("std") or (0.0,) * len(s["mean"])) for v, s in read]
     return _by_position(points, unit, words.render(Message("readings-by-position")))
 
 
-def _by_position(points: Sequence[tuple[str, Sequence[float], Sequence[float]]], unit: str, title: str) -> str:
+def _by_position(
+    points: Sequence[tuple[str, Sequence[float], Sequence[float]]], unit: str, title: str
+) -> Drawing | None:
     """points: of each stop its name, and of each axis the value and its standard deviation."""
     if not points:
-        return ""
+        return None
     series = []
     for axis in range(len(points[0][1])):
         x = [i + 0.18 * (axis - 1) for i in range(len(points))]
@@ -75,16 +78,16 @@ def _by_position(points: Sequence[tuple[str, Sequence[float], Sequence[float]]],
         spread = [2 * float(std[axis]) for _, _, std in points]
         low, high = [a - s for a, s in zip(y, spread, strict=True)], [a + s for a, s in zip(y, spread, strict=True)]
         series.append(Series(x, y, "xyz"[axis], "dots", low, high, axis, _MARKS[axis]))  # type: ignore[arg-type]
-    return svg(Figure(title, "", unit, tuple(series), tuple(name for name, _, _ in points), ((0.0, ""),)))
+    return plot(Figure(title, "", unit, tuple(series), tuple(name for name, _, _ in points), ((0.0, ""),)))
 
 
 def neighbours(
     day: Sequence[AttemptValues], own: AttemptValues, what: str, limits: tuple[float, float] | None, words: Words
-) -> str:
-    """SVG of one value of all attempts of the day: those of the same nest, those of others, and this one."""
+) -> Drawing | None:
+    """One value of all attempts of the day: those of the same nest, those of others, and this one."""
     known = [a for a in day if what in a.values and a.started_ns != own.started_ns]
     if what not in own.values or len(known) < 2:
-        return ""
+        return None
     begin = min(a.started_ns for a in [*known, own])
 
     def hours(a: AttemptValues) -> float:
@@ -103,7 +106,7 @@ def neighbours(
     )  # fmt: skip
     levels = ((limits[0], "LSL"), (limits[1], "USL")) if limits else ()
     title = words.render(Message("neighbours-title", coefficient=words.term(what), units=len(known) + 1))
-    return svg(Figure(title, "h", words.term(what), series, levels=levels, zero=False))
+    return plot(Figure(title, "h", words.term(what), series, levels=levels, zero=False))
 
 
 def nest_sentence(day: Sequence[AttemptValues], own: AttemptValues, what: str, words: Words) -> str:

@@ -4,14 +4,14 @@
   const byId = (id) => document.getElementById(id), figure = byId("units");
   byId("print").addEventListener("click", () => window.print());
   if (!figure) return;
-  const plot = figure.querySelector(".brush"), zone = figure.querySelector(".picked");
   const count = Number(figure.dataset.count), first = byId("first"), last = byId("last");
-  const width = Number(plot.getAttribute("width")), left = Number(plot.getAttribute("x"));
+  // The chart is there twice, for a wide window and for a narrow one; each has its plot and its zone of chosen units.
+  const plots = [...figure.querySelectorAll("svg")].map((svg) => ({ plot: svg.querySelector(".brush"), zone: svg.querySelector(".picked") }));
   let start = 0;
 
   /** The number of the unit under the pointer. */
   function unitAt(event) {
-    const box = plot.getBoundingClientRect(), share = (event.clientX - box.left) / box.width;
+    const shown = plots.find(({ plot }) => plot.getClientRects().length), box = shown.plot.getBoundingClientRect(), share = (event.clientX - box.left) / box.width;
     return Math.min(Math.max(Math.round(0.5 + share * count), 1), count);
   }
 
@@ -19,8 +19,11 @@
   function choose(a, b) {
     const [low, high] = a < b ? [a, b] : [b, a];
     first.value = low; last.value = high;
-    zone.setAttribute("x", left + width * (low - 1) / count);
-    zone.setAttribute("width", width * (high - low + 1) / count);
+    for (const { plot, zone } of plots) {
+      const width = Number(plot.getAttribute("width")), left = Number(plot.getAttribute("x"));
+      zone.setAttribute("x", left + width * (low - 1) / count);
+      zone.setAttribute("width", width * (high - low + 1) / count);
+    }
     let shown = 0;
     for (const row of document.querySelectorAll("[data-number]")) {
       const inside = row.dataset.number >= low && row.dataset.number <= high;

@@ -96,19 +96,21 @@ const ScreenView = (() => {
       const nests = nestsOf(state), by = (test) => nests.filter(([, n]) => n.serial && test(n.outcome)).map(([name]) => name);
       const passed = by((o) => o === "PASS"), failed = by((o) => o === "FAIL"), again = by((o) => o && o !== "PASS" && o !== "FAIL");
       const good = passed.length ? fill("passed_tray", { count: passed.length, nests: list(passed) }) : "";
-      const line = (words, name, tone) => [h("div", { class: "row" }, h("h2", { class: tone }, icon(name), " ", words))];
+      const line = (words, name, tone) => [h("div", { class: words.length > 60 ? "row long" : "row" }, h("h2", { class: tone }, icon(name), " ", words))];
       byId("task").dataset.tone = failed.length ? "fail" : again.length ? "again" : "pass";
       if (failed.length) {
         const only = failed.length === 1 ? state[`nest ${failed[0]}`] : null;
         const why = only && (only.tile ? `${only.tile.head}, ${only.tile.line}` : (only.reasons || [])[0]) || "";
         const more = again.length ? fill("not_measured", { nests: list(again) }) : "";
-        return [h("p", { class: "passed" }, [good, more].filter(Boolean).join(" · ")), line(fill(why && why.length < 48 ? "remove_why" : "remove", { nests: list(failed), why }), "cross")];
+        return [h("p", { class: "passed" }, [good, more].filter(Boolean).join(" · ")), line(fill(why && why.length < 70 ? "remove_why" : "remove", { nests: list(failed), why }), "cross")];
       }
       if (again.length) return [h("p", { class: "passed" }, good), line(fill("not_measured", { nests: list(again) }), "warn")];
       return [line(fill("all_passed", { count: passed.length }), "check")];
     },
   };
   const SCENE = '<svg class="scene" viewBox="0 0 420 250" aria-hidden="true"><path class="beam" d="M140 92L232 42V170z"/><path class="gun" d="M20 52q16-10 60-10h42q14 0 14 14v44q0 14-14 14H96l14 92q2 12-10 12H66q-10 0-12-12L36 118Q18 104 18 88z"/><path class="dark" d="M124 60h14v36h-14zM78 122h10v20h-10z"/><path class="ray" d="M140 80h104"/><rect class="card" x="228" y="10" width="176" height="200" rx="8"/><path class="bars" d="M250 36h4v116h-4zM258 36h3v116h-3zM268 36h8v116h-8zM280 36h4v116h-4zM290 36h3v116h-3zM298 36h7v116h-7zM312 36h4v116h-4zM322 36h8v116h-8zM336 36h3v116h-3zM344 36h6v116h-6zM356 36h3v116h-3zM364 36h7v116h-7zM376 36h4v116h-4zM260 168h112v7H260zM260 184h74v7h-74z"/></svg>';
+  /** Names of so many letters stand beside each other under the time line. */
+  const LETTERS = 110;
   const cellPicture = (plan, cell) => cell.kind === "stop" ? picture(plan, cell.picture) : h("div", { class: "picture" }, icon({ identify: "identify", write: "write", verify: "verify", "warm-up": "heat", turn: "hand", temperature: "heat", motors: "motor" }[cell.kind]));
 
   function task(state, plan) {
@@ -213,7 +215,8 @@ const ScreenView = (() => {
       const box = h("div", { class: "clockbox" }, h("small", { id: "left-name" }), h("strong", { id: "left" }), h("span", { id: "left-more" }));
       const cells = plan.cells.map((cell, i) => h("li", { "data-is": i < line.cell ? "done" : i === line.cell ? "now" : "next", "data-hand": hand(cell) || null, "aria-current": i === line.cell ? "step" : null, title: cellName(cell) },
         cell.kind === "stop" ? svg(plan.pictures[cell.picture]) : cellPicture(plan, cell).firstElementChild, h("span", { class: "name" }, cellName(cell)), h("span", { class: "track", "aria-hidden": "true" }, h("i", i === line.cell ? { id: "track" } : {}))));
-      return [box, h("ol", { class: `line${cells.length > 12 ? " tight" : ""}${cells.length > 22 ? " dense" : ""}`, "aria-label": texts.progress }, cells)];
+      const letters = plan.cells.reduce((sum, cell) => sum + cellName(cell).length, 0);
+      return [box, h("ol", { class: `line${letters > LETTERS ? " tight" : ""}${cells.length > 22 ? " dense" : ""}`, "aria-label": texts.progress }, cells)];
     });
   }
 
