@@ -9,7 +9,7 @@ from station.diagnosis.candidates import kernels as generic
 from station.diagnosis.candidates.bank import Bank, smooth_causes
 from station.diagnosis.candidates.projected_bank import visible_candidates
 from station.diagnosis.linear.noise_floor import FittedFloor
-from station.diagnosis.search.alarm import UNKNOWN_NATS, NullDistribution, statistic
+from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS, NullDistribution, statistic
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.chain_starts import first_of_chains, parts_of_cause
@@ -29,7 +29,6 @@ from station.diagnosis.search.rank import (
     rank_causes,
     variance_gains,
     variance_surprise,
-    with_bounded_variance,
     with_free_variance,
 )
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
@@ -98,9 +97,9 @@ def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[Scored
 
 def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult:
     """Everything that can be found. null_of gives the null distribution for the first stage."""
-    search = _Search(problem, null_of)
+    search = CauseSearch(problem, null_of)
     state = search.state(problem)
-    found: list[tuple[CauseFinding, _State]] = []
+    found: list[tuple[CauseFinding, SearchState]] = []
     while state.alarms and len(found) < MAX_ROUNDS:
         ranks = search.ranks(state, [f.name for f, _ in found])
         cause, kernel = leaders(ranks)
@@ -117,14 +116,15 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
         else:
             found += search.in_parts(state, ranks, cause, [f.name for f, _ in found])
         state = found[-1][1]
-    findings = search.judged_again(state.problem, tuple(f for f, _ in found))
+    statistics = [search.first.statistic, *(after.statistic for f, after in found if not f.words)]
+    findings, state = search.judged_again(state, tuple(f for f, _ in found))
+    statistics[-1] = state.statistic
     findings, other_forms = _with_forms_checked(problem, state, findings)
-    statistics = (search.first.statistic, *(after.statistic for f, after in found if not f.words))
     return SearchResult(
         problem,
         state.problem,
         findings,
-        statistics,
+        tuple(statistics),
         state.threshold,
         state.now,
         search.undetectable,
@@ -136,7 +136,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _State:
+class SearchState:
     """The problem with what is accepted so far, the bank in it, and whether anything alarms."""
 
     problem: ScoringProblem
@@ -152,7 +152,7 @@ class _State:
         return self.statistic > self.threshold
 
 
-class _Search:
+class CauseSearch:
     """The state of a search: the causes that these data cannot show, and the null distribution at the first step."""
 
     def __init__(self, problem: ScoringProblem, null_of: NullFactory) -> None:
@@ -167,7 +167,7 @@ class _Search:
         """What scores look like when nothing is wrong."""
         return self._null
 
-    def state(self, problem: ScoringProblem) -> _State:
+    def state(self, problem: ScoringProblem) -> SearchState:
         """The whole bank with everything accepted."""
         if self._null is not None and problem is self.first.problem:
             return self.first
@@ -182,9 +182,9 @@ class _Search:
         # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
         scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
         surprise = max([statistic(self._null, evidence), *scatter])
-        return _State(problem, now, around, evidence, surprise, self._null.threshold)
+        return SearchState(problem, now, around, evidence, surprise, self._null.threshold)
 
-    def ranks(self, state: _State, before: Sequence[str]) -> dict[str, RankedCause]:
+    def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
         """Every cause and kernel at its best; without what has been found often enough already."""
         banks = tuple(s.bank for s in state.now.projected)
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
@@ -192,15 +192,15 @@ class _Search:
         return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
 
     def accepted(
-        self, state: _State, ranks: Mapping[str, RankedCause], cause: RankedCause
-    ) -> tuple[CauseFinding, _State]:
+        self, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause
+    ) -> tuple[CauseFinding, SearchState]:
         """A cause as a finding, and the state with it accepted."""
         finding = cause_finding(state.problem, ranks, cause, state.statistic)
         return finding, self.state(_accept_finding(state.problem, finding))
 
     def in_parts(
-        self, state: _State, ranks: Mapping[str, RankedCause], cause: RankedCause, before: Sequence[str]
-    ) -> list[tuple[CauseFinding, _State]]:
+        self, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause, before: Sequence[str]
+    ) -> list[tuple[CauseFinding, SearchState]]:
         """The cause, or several of few numbers that together explain more than one of many does alone."""
         accepted = self.accepted(state, ranks, cause)
         parts = parts_of_cause(state.problem, ranks, cause)
@@ -219,30 +219,41 @@ class _Search:
             return found
         return [(accepted[0].beside(value - cause.evidence), accepted[1])]
 
-    def judged_again(self, problem: ScoringProblem, findings: tuple[CauseFinding, ...]) -> tuple[CauseFinding, ...]:
+    def judged_again(
+        self, state: SearchState, findings: tuple[CauseFinding, ...]
+    ) -> tuple[tuple[CauseFinding, ...], SearchState]:
         """The findings, each with the probabilities and the rivals that it has beside all others: what one cause leaves
-        behind blurs the first ranking of another."""
+        behind blurs the first ranking of another. One that explains nothing any more, and without which nothing alarms,
+        was such a blur, and goes."""
+        if len(findings) < 2:
+            return findings, state
         first = len(self.first.problem.accepted)
         smooth = [f for f in findings if f.accepted is not None]
-        if len(smooth) < 2:
-            return findings
-        again = {id(f): self._judged_with_others(problem, first + i, f) for i, f in enumerate(smooth)}
-        return tuple(again.get(id(f), f) for f in findings)
+        again = [self._judged_with_others(state.problem, first + i, f) for i, f in enumerate(smooth)]
+        least = min(range(len(again)), key=lambda i: again[i][1], default=None)
+        if least is not None and again[least][1] < EXPLAINS_NATS:
+            without = self.state(refined(state.problem.without(first + least)))
+            if not without.alarms:
+                return self.judged_again(without, tuple(f for f in findings if f is not smooth[least]))
+        judged = {id(f): new for f, (new, _) in zip(smooth, again, strict=True)}
+        return tuple(judged.get(id(f), f) for f in findings), state
 
-    def _judged_with_others(self, problem: ScoringProblem, i: int, finding: CauseFinding) -> CauseFinding:
+    def _judged_with_others(self, problem: ScoringProblem, i: int, finding: CauseFinding) -> tuple[CauseFinding, float]:
+        """A finding judged beside all others, and its evidence there."""
         bare = problem.without(i)
         fitted = bare.fit()
         now = score_bank(bare, self.banks.of(bare.view, self.undetectable), fitted.floor)
         state = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now))
         ranks = self.ranks(state, [])
         if finding.name not in ranks or ranks[finding.name].best is None:
-            return finding
+            return finding, finding.evidence[finding.name]
         found = cause_finding(bare, ranks, ranks[finding.name], finding.statistic)
-        return replace(finding, probability=found.probability, indistinguishable_from=found.indistinguishable_from)
+        judged = replace(finding, probability=found.probability, indistinguishable_from=found.indistinguishable_from)
+        return judged, ranks[finding.name].evidence
 
     def chain(
-        self, state: _State, ranks: Mapping[str, RankedCause], before: Sequence[str]
-    ) -> list[tuple[CauseFinding, _State]]:
+        self, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]
+    ) -> list[tuple[CauseFinding, SearchState]]:
         """Causes, one after the other, that together explain at least what the leading kernel does; none where there
         are no such.
 
@@ -260,10 +271,10 @@ class _Search:
         return found if value >= target + margin else []
 
     def _chain_from(
-        self, cause: RankedCause, state: _State, ranks: Mapping[str, RankedCause], before: Sequence[str]
-    ) -> tuple[float, list[tuple[CauseFinding, _State]]]:
+        self, cause: RankedCause, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]
+    ) -> tuple[float, list[tuple[CauseFinding, SearchState]]]:
         """The evidence of a cause and of those that are evident after it, with what a kernel then still explains."""
-        total, found = 0.0, list[tuple[CauseFinding, _State]]()
+        total, found = 0.0, list[tuple[CauseFinding, SearchState]]()
         while True:
             total += cause.evidence - CHOICE_NATS * bool(found)
             found.append(self.accepted(state, ranks, cause))
@@ -279,7 +290,7 @@ class _Search:
 
 
 def _with_forms_checked(
-    problem: ScoringProblem, last: _State, findings: tuple[CauseFinding, ...]
+    problem: ScoringProblem, last: SearchState, findings: tuple[CauseFinding, ...]
 ) -> tuple[tuple[CauseFinding, ...], tuple[str, ...]]:
     """The findings with their probabilities against laws of no cause, and the covariates of the laws that are ahead of
     a cause. problem: the one before the search; last: the state with all causes known."""
@@ -290,8 +301,7 @@ def _with_forms_checked(
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else finding)
         elif finding.accepted is None:
             # A variance follows anything a little; what follows a law is no scatter.
-            bounded = with_bounded_variance(last.problem, finding.name, problem.upper)
-            laws = compare_laws_with_scatter(last.problem, bounded)
+            laws = compare_laws_with_scatter(last.problem, finding.name, problem.upper)
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else laws.judged(finding))
         else:
             laws = compare_laws(last.problem, i, last.now.floor)

@@ -24,9 +24,12 @@ from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_law
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding
-from station.diagnosis.search.rank import OCCAM_NATS, RankedCause, rank_causes
+from station.diagnosis.search.rank import OCCAM_NATS, RankedCause, rank_causes, with_bounded_variance
+from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
+from station.domain.core.types import Floats
+from station.model.effects.bias_walk import BiasWalk
 
 #: A law must be so many nats ahead of a cause. Where the cause is true, two forms that noise can just confuse differ by
 #: N(−δ²/2, δ²) nats, at worst beyond x in Φ(−√(2x)): once in 740 campaigns for each such law.
@@ -96,11 +99,17 @@ def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> 
     return _rivals(_ranked(problem, [], unknown.floor), unknown.evidence[unknown.name])
 
 
-def compare_laws_with_scatter(problem: ScoringProblem, bounded: ScoringProblem) -> RivalLaws:
-    """The laws in place of a variance of the floor that was let free; bounded: the problem with it within its bound."""
+def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats) -> RivalLaws:
+    """The laws in place of a variance of the floor that was let free beyond its bound, of upper (3); in place of a walk
+    one that returns, too."""
+    bounded = with_bounded_variance(problem, name, upper)
     scatter, law = problem.fit(), bounded.fit()
     gain = scatter.space.profile - law.space.profile - OCCAM_NATS
-    return _rivals(_ranked(bounded, [], law.floor), gain + CHOICE_NATS)
+    found = _rivals(_ranked(bounded, [], law.floor), gain + CHOICE_NATS)
+    if name != BiasWalk.id:
+        return found
+    returning = RivalLaws(nats_ahead(problem), ("time",))
+    return max(found, returning, key=lambda laws: laws.lead)
 
 
 def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:

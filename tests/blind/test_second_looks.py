@@ -1,0 +1,58 @@
+"""What is found is looked at again: scatter that returns is no walk, and what others explain is no cause."""
+
+import os
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.search.cause_search import CauseSearch
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.rank import with_free_variance
+from station.diagnosis.search.returning_walk import nats_ahead
+from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import Floats
+from station.model.model_file import Model
+from tests.blind.bench import Hidden, World, hide
+from tests.blind.hidden import KNOWN
+from tests.blind.inspection import null_of
+from tests.blind.recipes import recipe
+
+SEED = int(os.environ.get("SEED", "1"))
+
+
+def problem_of(hidden: Hidden, seed: int, units: int = 1, d: float | None = None) -> ScoringProblem:
+    """The tilts, once."""
+    table, _ = hide(recipe(1), hidden, seed, units=units, d=d)
+    return initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+
+
+def wandering(kept: float, step_g: float) -> Hidden:
+    """Each visit keeps a share of what those before have come to, and adds a step of its own."""
+
+    def hidden(w: World, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        come_to = step_g * rng.standard_normal((int(w.stop.max()) + 1, 3))
+        for i in range(1, len(come_to)):
+            come_to[i] += kept * come_to[i - 1]
+        return w.a, come_to[w.stop]
+
+    return hidden
+
+
+@pytest.mark.parametrize(("kept", "returns"), [(0.6, True), (1.0, False)])
+def test_what_returns_from_visit_to_visit_is_told_from_a_walk(kept: float, returns: bool) -> None:
+    problem = problem_of(wandering(kept, 5e-4), 20 + SEED, units=6)
+    assert (nats_ahead(with_free_variance(problem, "bias-walk")) > 2.0) == returns
+
+
+def test_a_cause_that_another_leaves_nothing_is_dropped() -> None:
+    search = CauseSearch(problem_of(KNOWN["hysteresis"], 40 + SEED, d=16.0), null_of)
+    ranks = search.ranks(search.first, [])
+    blur = search.accepted(search.first, ranks, ranks["bias-drift"])
+    true = search.accepted(blur[1], search.ranks(blur[1], []), ranks["hysteresis"])
+    findings, state = search.judged_again(true[1], (blur[0], true[0]))
+    assert [f.name for f in findings] == ["hysteresis"]
+    assert [a.candidate.name for a in state.problem.accepted] == ["hysteresis"]
+    assert not state.alarms
+    assert set(state.evidence) - set(KERNEL_NAMES)
