@@ -117,6 +117,9 @@ def _read(path: Path) -> bytes:
 def _check(files: CertificateFiles) -> None:
     if not files.any:
         raise UsageError("certificate-no-file")
+    paths = [path for path in (files.pdf, files.xml, files.json, files.wsjf) if path is not None]
+    if twice := [path for path in paths if paths.count(path) > 1]:
+        raise UsageError("certificate-one-file", file=str(twice[0]))
     if files.dcc_version not in dcc.VERSIONS:
         raise UsageError("certificate-dcc-version", version=files.dcc_version[:20])
     if (files.sign_key is None) != (files.sign_cert is None):

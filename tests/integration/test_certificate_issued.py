@@ -193,3 +193,9 @@ def test_a_dcc_with_entities_or_a_torn_one_is_no_certificate(folder: Path, capsy
     for name in ("entity.xml", "torn.xml"):
         with pytest.raises(UsageError, match="no certificate that this program can check"):
             check(name, capsys)
+
+
+def test_two_formats_want_two_files(folder: Path) -> None:
+    with pytest.raises(UsageError, match="named for two formats"):
+        issue("--pdf", "c.out", "--json", "c.out")
+    assert not (folder / "c.out").exists()

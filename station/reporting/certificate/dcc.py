@@ -123,7 +123,7 @@ def statements(facts: Mapping[str, Any]) -> list[Message]:
     known = is_accredited(facts)
     accredited = Message("certificate-accredited", number=number) if known else Message("certificate-not-accredited")
     gravity = [Message("certificate-standard-gravity", value=STANDARD_GRAVITY)] if facts["unit"] == "g" else []
-    traced = [] if facts["references"] else [Message("certificate-untraceable")]
+    traced = [Message("certificate-traceable" if facts["references"] else "certificate-untraceable")]
     coverage = Message("certificate-coverage")
     whole = Message("certificate-in-full")
     return [*first, Message("certificate-item-only"), accredited, *traced, *gravity, coverage, whole]

@@ -10,6 +10,7 @@ from typing import Any
 
 from station.domain.core.types import Outcome
 from station.domain.line_quality import history
+from station.domain.line_quality.history import History
 from station.domain.methods.coefficients import GAINS, NAMES
 from station.domain.product.as_found import Moment, held_calibration
 from station.domain.product.device_map import DeviceMap
@@ -18,13 +19,18 @@ from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.domain.records.issued_certificate import Edition, digests_of
 from station.errors import LogError
-from station.messages import render
+from station.messages import Message, render
 from station.ports.store import LogHead
 from station.reporting.certificate.issuer import Issuer
 
 SCHEMA = "station.certificate/1"
 #: Standard acceleration of free fall, m/s²: what "g" means here.
 STANDARD_GRAVITY = 9.80665
+#: What the log did not teach, without what the laboratory may do about it.
+_TO_CUSTOMERS = {
+    "history-no-process": Message("certificate-no-process"),
+    "history-no-reproducibility": Message("certificate-no-reproducibility"),
+}
 #: Coefficients whose nominal value is 1.
 GAIN_NAMES = frozenset(name for name, gain in zip(NAMES, GAINS, strict=True) if gain)
 #: What the device held, by what a certificate calls it.
@@ -88,7 +94,7 @@ def of_attempt(
             {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)}
             for a in assumptions.listing(recipe)
         ],
-        "history": [render(message) for message in known.messages(recipe)],
+        "history": [render(message) for message in what_log_taught(recipe, known)],
         "log": {"attempt": stored["attempt"], "seal": stored["seal"], "head": asdict(head),
                 "config": stored["config_hash"], "witness": None if receipt is None else dict(receipt)},
         "signatures": stored_attempt.signatures(stored),
@@ -103,6 +109,11 @@ def visit_of(recipe: Recipe, visit: Mapping[str, Any]) -> dict[str, Any]:
     true = recipe.true_vector(recipe.position(visit["name"]), visit["seating"]) if known else None
     stimulus = None if true is None else [float(value) for value in true[: recipe.axes]]
     return {**{key: visit.get(key) for key in keys}, "stimulus": stimulus, **own}
+
+
+def what_log_taught(recipe: Recipe, known: History) -> list[Message]:
+    """What the log taught of this recipe, for a customer's eyes."""
+    return [_TO_CUSTOMERS.get(message.id, message) for message in known.messages(known.applied(recipe))]
 
 
 def first_number(stored: Mapping[str, Any]) -> str:

@@ -8,18 +8,13 @@ from station.domain.recipe import assumptions
 from station.domain.recipe.assumptions import Assumption
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
-from station.messages import Message
+from station.reporting.certificate import facts
 from station.reporting.certificate.issuer import Party
 from station.reporting.certificate.writer import CertificateTable, Rows, SectionWriter
-from station.reporting.number_text import format_number, format_time, written_unit
+from station.reporting.number_text import format_number, format_time, format_to_uncertainty, written_unit
 
 _TRACEABILITY = ("reference", "number", "due", "issuer")
 _ASSUMPTIONS = ("contribution", "std", "source")
-#: What the log did not teach, without what the laboratory may do about it.
-_TO_CUSTOMERS = {
-    "history-no-process": Message("certificate-no-process"),
-    "history-no-reproducibility": Message("certificate-no-reproducibility"),
-}
 #: What says how well the size of the stimulus is known.
 _MAGNITUDE = ("reference.site", "reference.gravimeter", "reference.magnitude_std")
 
@@ -29,7 +24,7 @@ def issue(w: SectionWriter, content: Mapping[str, Any]) -> CertificateTable:
     issuer, missing, method = content["issuer"], w.say("certificate-not-stated"), content["method"]
     rows = {
         "number": content["number"],
-        "issued": content["issued"],
+        "issued": f"{content['issued']} UTC",
         **({"replaced": content["replaces"]} if content["replaces"] else {}),
         "laboratory": _named(issuer["laboratory"]),
         "place": w.say(f"place-{issuer['place'].lower()}"),
@@ -80,7 +75,7 @@ def _traceability(content: Mapping[str, Any]) -> Rows:
 
 def _assumptions(w: SectionWriter, content: Mapping[str, Any], recipe: Recipe, known: History) -> Rows:
     keys = ("limits.process", "reproducibility", "residuals")
-    learnt = [_TO_CUSTOMERS.get(message.id, message) for message in known.messages(known.applied(recipe))]
+    learnt = facts.what_log_taught(recipe, known)
     listed = assumptions.listing(recipe)
     if content["conditions"]["temperature_degC"] is not None:
         listed = (*listed, *(a for a in [assumptions.thermometer(recipe)] if a not in listed))
@@ -99,7 +94,9 @@ def _contribution(w: SectionWriter, key: str) -> str:
 def _standard(a: Assumption) -> str:
     if not (a.stated or a.value) and a.key == "reference.pose_std_deg":
         return "–"  # residuals tell it
-    return f"{format_number(a.value, 3)} {written_unit(a.unit) if a.unit != '1' else ''}".strip()
+    short = format_number(a.value, 3)
+    shown = format_to_uncertainty(a.value, a.value) if "e" in short else short
+    return f"{shown} {written_unit(a.unit) if a.unit != '1' else ''}".strip()
 
 
 def _reference(w: SectionWriter, recipe: Recipe) -> Rows:

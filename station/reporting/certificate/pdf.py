@@ -44,8 +44,7 @@ def pdf(certificate: Certificate) -> bytes:
         whole = len(section.rows) <= _TOGETHER
         parts += [KeepTogether([heading, table])] if whole else [CondPageBreak(_LEAST), heading, table]
         parts.append(Spacer(1, 7))
-    for words in certificate.statements:
-        parts.append(Paragraph(_text(words, fonts, _LATIN), cell))
+    parts.append(KeepTogether([Paragraph(_text(words, fonts, _LATIN), cell) for words in certificate.statements]))
     paper = BytesIO()
     SimpleDocTemplate(
         paper, pagesize=A4, leftMargin=42, rightMargin=42, topMargin=40, bottomMargin=46,

@@ -22,7 +22,7 @@ def reading_table(w: SectionWriter, content: Mapping[str, Any], recipe: Recipe) 
     for visit in visits:
         shown = [format_number(round(value, 9) + 0.0, _STIMULUS_DIGITS) for value in visit["stimulus"] or ()]
         means = zip(visit["mean"], visit["std_of_mean"], strict=True)
-        rows.append((_name(visit), *shown, *(format_to_uncertainty(mean, std) for mean, std in means)))
+        rows.append((_name(w, visit, visits), *shown, *(format_to_uncertainty(mean, std) for mean, std in means)))
     return w.section("cert_readings", heads, tuple(rows))
 
 
@@ -34,7 +34,7 @@ def residual_table(w: SectionWriter, fit: Mapping[str, Any], recipe: Recipe) -> 
     )
     rows = tuple(
         (
-            _name(p),
+            _name(w, p, fit["positions"]),
             *(format_to_uncertainty(p[key] if p["tilt_std_deg"] else None, p["tilt_std_deg"]) for key in _TILT),
             *_rounded(p["residual"][: recipe.axes], fit["residual_rms"]),
         )
@@ -47,7 +47,11 @@ def _rounded(values: Sequence[float], spread: float) -> list[str]:
     return [format_to_uncertainty(value, spread) for value in values]
 
 
-def _name(visit: Mapping[str, Any]) -> str:
-    """Position, with the seating that is not the usual one."""
-    name, seating = str(visit["name"]), str(visit.get("seating", "home"))
-    return name if seating == "home" else f"{name} ({seating})"
+def _name(w: SectionWriter, visit: Mapping[str, Any], visits: Sequence[Mapping[str, Any]]) -> str:
+    """Position, with the seating that is not the usual one, the run where there are several, and that the fit leaves
+    it out."""
+    seating, several = str(visit.get("seating", "home")), len({v.get("run") for v in visits}) > 1
+    more = [] if seating == "home" else [seating]
+    more += [w("run", str(visit["run"] + 1))] if several else []
+    more += [w("left_out")] if visit.get("disturbed") else []
+    return f"{visit['name']} ({', '.join(more)})" if more else str(visit["name"])
