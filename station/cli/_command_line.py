@@ -1,6 +1,7 @@
 """What is wrong with a command line, in sentences of ours: those of the parser and its validator reach nobody."""
 
 import difflib
+import re
 from collections.abc import Sequence
 from typing import Any, Literal, get_args, get_origin
 
@@ -9,6 +10,9 @@ from pydantic import BaseModel, ValidationError
 from station.config.validation_messages import mistakes
 from station.errors import UsageError
 from station.messages import Message
+
+#: A serial as most products print it.
+_SERIAL = re.compile(r"[A-Za-z]{1,5}[-_]?\d{2,}")
 
 
 def command_line_error(command: str, parameters: Sequence[Any], words: Sequence[str], exc: Any) -> UsageError:
@@ -23,7 +27,11 @@ def _reason(exc: Any, parameters: Sequence[Any], words: Sequence[str]) -> Messag
     if option is None:
         param = getattr(exc, "param", None)
         if param is None:
-            return Message("words-surplus", words=_surplus(exc))
+            surplus = _surplus(exc)
+            option = _option_for(surplus, [o for p in parameters for o in p.opts], words)
+            if option is not None:
+                return Message("words-for-option", words=surplus, option=option)
+            return Message("words-surplus", words=surplus)
         return Message("argument-missing", name=_name(param))
     known = next((p for p in parameters if option in (*p.opts, *p.secondary_opts)), None)
     if known is None:
@@ -31,6 +39,12 @@ def _reason(exc: Any, parameters: Sequence[Any], words: Sequence[str]) -> Messag
             option = next((w for w in words if w.startswith(option)), option)  # the parser names `-x` of `-xyz`
         return _unknown(option, [o for p in parameters for o in (*p.opts, *p.secondary_opts) if o.startswith("-")])
     return Message("option-takes-no-value" if known.is_flag else "option-without-value", option=option)
+
+
+def _option_for(surplus: str, options: Sequence[str], words: Sequence[str]) -> str | None:
+    """The option that a single word was meant for: `station run six-point`, as `station check six-point`."""
+    option = "--serial" if _SERIAL.fullmatch(surplus) else "--recipe"
+    return option if option in options and option not in words and " " not in surplus else None
 
 
 def _wrong_value(param: Any, exc: ValidationError) -> Message:

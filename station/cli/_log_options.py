@@ -35,6 +35,14 @@ def parse_time_ns(text: str | None, option: str) -> int | None:
         raise UsageError("option-time-range", option=option, text=text[:40]) from exc
 
 
+def parse_span_ns(since: str | None, until: str | None) -> tuple[int | None, int | None]:
+    """`--since` and `--until`, since 1970 in ns. Errors: UsageError, also where the span ends before it begins."""
+    begin, end = parse_time_ns(since, "--since"), parse_time_ns(until, "--until")
+    if begin is not None and end is not None and begin > end:
+        raise UsageError("span-reversed", since=str(since)[:40], until=str(until)[:40])
+    return begin, end
+
+
 def parse_outcome(text: str | None) -> str | None:
     """An outcome in any case, as the log writes it. Errors: UsageError."""
     if text is None:

@@ -139,6 +139,8 @@ OF_ONE_UNIT = ("type1", "bias")
 def _tolerance(request: MsaRequest, order: RunOrder) -> float:
     """The full width T: as said, or between the recipe's limits of this value."""
     if request.tolerance is not None:
+        if request.tolerance <= 0:
+            raise UsageError("msa-tolerance-not-positive", given=request.tolerance)
         return request.tolerance
     job, _ = load_job(order.recipe or load_settings(order.config).recipe)
     lower, upper = limits_of(request.value, job.recipe.limits)

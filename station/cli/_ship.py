@@ -11,6 +11,7 @@ from station.config.settings import Settings, load_settings
 from station.errors import ConfigError
 from station.messages import Message, render
 from station.service.shipping import SCHEMA, ShippingState, ShippingStatus, sentence_of
+from station.wiring.logs import open_log
 from station.wiring.shipping import Shipping, read_statuses
 
 _EXIT_CODES = {ShippingState.AWAY: 3, ShippingState.PARKED: 1}
@@ -21,10 +22,15 @@ _SHOWN_EVERY_S = 0.5
 
 
 def ship(db: Path | None, config: Path | None, *, once: bool, as_json: bool) -> int:
-    """Ships until it is stopped; once: until each plant has everything or cannot take it. Errors: ConfigError."""
+    """Ships until it is stopped; once: until each plant has everything or cannot take it.
+
+    Errors: ConfigError, LogError.
+    """
     settings, database = _station(db, config)
     if not settings.receivers:
         raise ConfigError("shipping-no-receivers")
+    if database.exists():  # a log that is yet to be made is waited for; another file never becomes one
+        open_log(database).close()
     shipping = Shipping(database, settings)
     shipping.start()
     try:

@@ -58,10 +58,11 @@ def command(
         station audit --verify
     """
     from station.cli import _audit, _bundle
-    from station.cli._log_options import open_named_log, parse_head, parse_outcome, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_head, parse_outcome, parse_span_ns
     from station.ports.log_reader import Query, serial_filter
 
     named = serial_filter(serial)
+    since_ns, until_ns = parse_span_ns(since, until)
     query = Query(
         serial=named.get("serial"),
         serial_from=named.get("serial_from"),
@@ -79,8 +80,8 @@ def command(
         recipe_hash=recipe_hash,
         firmware=firmware,
         outcome=parse_outcome(outcome),
-        since_ns=parse_time_ns(since, "--since"),
-        until_ns=parse_time_ns(until, "--until"),
+        since_ns=since_ns,
+        until_ns=until_ns,
     )
     with open_named_log(db, config) as log:
         if bundle is not None:

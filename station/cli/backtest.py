@@ -45,17 +45,18 @@ def command(
     """
     from station.cli import _backtest
     from station.cli._fleet import FleetRequest, named_sources
-    from station.cli._log_options import parse_time_ns
+    from station.cli._log_options import parse_span_ns
     from station.config.recipes import load_recipe
     from station.ports.log_reader import Query
 
     changed = load_recipe(recipe)
+    since_ns, until_ns = parse_span_ns(since, until)
     query = Query(
         recipe_name=of or changed.name,
         nest=nest,
         lot=lot,
-        since_ns=parse_time_ns(since, "--since"),
-        until_ns=parse_time_ns(until, "--until"),
+        since_ns=since_ns,
+        until_ns=until_ns,
     )
     fleet = FleetRequest(named_sources(db, config), processes, scheduler, results)
     return _backtest.run_backtest(_backtest.BacktestRequest(changed, query, from_frames, fleet), as_json=json)

@@ -36,9 +36,10 @@ def command(
         station contain --reference GOLD-7 --json
     """
     from station.cli import _contain
-    from station.cli._log_options import open_named_log, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_span_ns
     from station.ports.log_reader import Query
 
+    since_ns, until_ns = parse_span_ns(since, until)
     query = Query(
         nest=nest,
         fixture=fixture,
@@ -51,8 +52,8 @@ def command(
         software=software,
         firmware=firmware,
         check=check,
-        since_ns=parse_time_ns(since, "--since"),
-        until_ns=parse_time_ns(until, "--until"),
+        since_ns=since_ns,
+        until_ns=until_ns,
     )
     with open_named_log(db, config) as log:
         return _contain.contain(log, query, as_json=json)

@@ -45,18 +45,19 @@ def command(
     Beside each file stands FILE.export.json with the file's SHA-256 and the head of the log it came from.
     """
     from station.cli import _export
-    from station.cli._log_options import open_named_log, parse_outcome, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_outcome, parse_span_ns
     from station.errors import UsageError
     from station.ports.log_reader import Query
 
+    since_ns, until_ns = parse_span_ns(since, until)
     query = Query(
         station=station,
         nest=nest,
         lot=lot,
         recipe_name=recipe,
         outcome=parse_outcome(outcome),
-        since_ns=parse_time_ns(since, "--since"),
-        until_ns=parse_time_ns(until, "--until"),
+        since_ns=since_ns,
+        until_ns=until_ns,
     )
     wanted = _export.ExportFiles(samples, results, frames)
     with open_named_log(db, config) as log:

@@ -35,17 +35,18 @@ def command(
 
         station report --value "gain z" --size 4 --json
     """
-    from station.cli._log_options import open_named_log, parse_time_ns
+    from station.cli._log_options import open_named_log, parse_span_ns
     from station.cli._report import ReportRequest, run_report
     from station.ports.log_reader import Query
 
+    since_ns, until_ns = parse_span_ns(since, until)
     query = Query(
         station=station,
         nest=nest,
         recipe_name=recipe,
         lot=lot,
-        since_ns=parse_time_ns(since, "--since"),
-        until_ns=parse_time_ns(until, "--until"),
+        since_ns=since_ns,
+        until_ns=until_ns,
     )
     with open_named_log(db, config) as log:
         return run_report(log, ReportRequest(query, value, size, most, out), as_json=json)

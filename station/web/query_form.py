@@ -29,12 +29,15 @@ def query_of(parameters: Mapping[str, str]) -> Query:
     """The query; empty fields do not matter. In a serial, * stands for any text and ? for any character.
     Errors: UsageError."""
     given = {k: parameters[k].strip() for k in QUERY_FIELDS if parameters.get(k, "").strip()}
+    since_ns, until_ns = _time_ns(given.get("since"), next_day=False), _time_ns(given.get("until"), next_day=True)
+    if since_ns is not None and until_ns is not None and since_ns > until_ns:
+        raise UsageError("span-reversed", since=given["since"][:40], until=given["until"][:40])
     return Query(
         **serial_filter(given.get("serial")),
         recipe_version=parse_whole_number(given.get("recipe_version", "")),
         outcome=_outcome(given.get("outcome")),
-        since_ns=_time_ns(given.get("since"), next_day=False),
-        until_ns=_time_ns(given.get("until"), next_day=True),
+        since_ns=since_ns,
+        until_ns=until_ns,
         before=parse_whole_number(parameters.get("before", "")),
         **{k: given[k] for k in COLUMN_FIELDS if k in given},
     )

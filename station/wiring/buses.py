@@ -1,5 +1,6 @@
 """The bus that config.yaml names by its file in adapters/bus, with its own options checked."""
 
+import re
 from typing import Any, ClassVar, Protocol
 
 from pydantic import BaseModel, ValidationError
@@ -41,6 +42,8 @@ def bus_kind(bus: BusSettings) -> BusKind:
     """The class behind `bus.interface`: a file here, else python-can's interface of that name. Errors: ConfigError."""
     own = plugins.names(BUSES)
     if bus.interface not in own and bus.interface not in python_can_interfaces():
+        if re.fullmatch(r"(v|sl)?can\d+", bus.interface):
+            raise ConfigError("bus-is-channel", given=bus.interface)
         known = ", ".join((*own, *python_can_interfaces()))
         raise ConfigError("bus-unknown", given=bus.interface, known=known)
     kind: Any = plugins.load(BUSES, bus.interface if bus.interface in own else PYTHON_CAN)

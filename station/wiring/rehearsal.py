@@ -1,6 +1,7 @@
 """The rehearsal bench: where config.yaml's bus is `simulated`, every command works as on a bench, without one."""
 
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from station.config.settings import RehearsalSettings, Settings, load_settings
@@ -14,6 +15,9 @@ def is_rehearsal(settings: Settings) -> bool:
     # Nothing but devices of this process can be on python-can's virtual bus: they live in real time there.
     simulated = bus_kind(settings.bus).without_units or settings.bus.interface == "virtual"
     if settings.rehearsal is not None and not simulated:
+        for key in settings.bus.options:
+            if nearest := get_close_matches(key, ("interface",)):
+                raise ConfigError("bus-key-near", key=key[:40], nearest=nearest[0])
         raise ConfigError("rehearsal-on-real-bus", interface=settings.bus.interface)
     return simulated
 

@@ -38,6 +38,15 @@ def test_wrong_command_lines(here: Path) -> None:
     assert [c for c in found if c is not None] == []
 
 
+#: A rehearsal bench.
+_REHEARSAL = """schema: station.config/1
+station: bench
+bus: {interface: simulated}
+nests: [{name: A, node: 17}]
+rehearsal: {device_state: devices}
+"""
+
+
 @pytest.mark.parametrize(
     "line",
     [
@@ -45,11 +54,18 @@ def test_wrong_command_lines(here: Path) -> None:
         "simulate --recipe six-point --unit-spread nan --out s.csv",
         "msa grr --samples readings.csv --tolerance 1e400",
         "rig --simulate plc --loads 1 --memory other.json",
+        "msa grr --samples readings.csv --tolerance -1",
+        "audit --since 2026-11-24 --until 2026-11-20",
+        "run six-point --units 1",
+        "run --recipe six-point --units 1 --interface can0",
+        "run --recipe six-point --units 1 --config typo.yaml",
+        "calibrate --recipe six-point --samples .",
         "device --interface virtual --channel here --node 17 --serial 99999999999999999999",
     ],
 )
 def test_what_a_newcomer_types(line: str, here: Path) -> None:
     Path("other.json").write_text('{"schema": "station.golden/1"}')
+    Path("typo.yaml").write_text(_REHEARSAL.replace("interface:", "interfce:"))
     Path("readings.csv").write_text("part,appraiser,trial,value\n" + "1,A,1,0.1\n" * 8)
     words = shlex.split(line)
     assert complaint(WrongInput("line", tuple(words))) is None

@@ -1,5 +1,6 @@
 """A samples table out of a file, piece by piece, each checked."""
 
+import errno
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -24,6 +25,7 @@ from station.adapters.samples.columns import (
 from station.domain.core.types import Labels, SampleTable
 from station.errors import SamplesError
 from station.files.limited_process import memory_ceiling
+from station.messages import system_reason
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -125,7 +127,8 @@ def join(parts: list[SampleTable]) -> SampleTable:
 def _batches(path: Path, columns: tuple[str, ...] | None = None) -> "Iterator[pa.RecordBatch]":
     """Record batches with the columns of the format (or the named ones) in their own types."""
     if not path.is_file():
-        raise SamplesError("samples-no-file", file=str(path))
+        error = IsADirectoryError(errno.EISDIR, "") if path.is_dir() else FileNotFoundError(errno.ENOENT, "")
+        raise SamplesError("samples-no-file", file=str(path), why=system_reason(error))
     yield from (_csv(path, columns) if kind_of(path) == "csv" else _parquet(path, columns))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from types import MappingProxyType
 
 from station.errors import UsageError
@@ -76,7 +77,8 @@ class InjectedFault:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise UsageError("device-fault-unknown", kind=self.kind[:40], known=tuple(KINDS))
+            nearest = get_close_matches(self.kind[:40], KINDS, 1, 0.0)
+            raise UsageError("device-fault-unknown", kind=self.kind[:40], nearest=nearest, known=tuple(KINDS))
 
     def meets(self, index: int, sub: int, access: str) -> bool:
         """Whether a request for this object in this direction (read, write) is one that the fault is about."""
