@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.cli.app import commands
+from tests.fakes.serving import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 _CLI = ROOT / "station" / "cli"
@@ -150,4 +151,7 @@ def _try_server(line: str, words: list[str], folder: Path) -> Tried:
         late.cancel()
         server.send_signal(signal.SIGINT)
         output += server.communicate(timeout=60)[0]
+    if "the address is in use" in output and "--port" not in words:
+        # Another program of this machine holds the usual port.
+        return _try_server(line, [*words, "--port", str(free_port())], folder)
     return Tried(line, server.returncode, output)
