@@ -50,6 +50,10 @@ def stamps(rate_error: float, late: str, rng: np.random.Generator) -> tuple[np.n
         t = np.ceil(t / 0.04) * 0.04
     elif late == "milliseconds":
         t = np.round(t, 3)
+    elif late == "late and lost":
+        t = t + rng.exponential(0.3 / RATE_HZ, n)
+        keep = rng.uniform(size=n) > 0.05
+        t, visit = t[keep], visit[keep]
     elif late == "lost":
         keep = rng.uniform(size=n) > 0.02
         t, visit = t[keep], visit[keep]
@@ -57,7 +61,7 @@ def stamps(rate_error: float, late: str, rng: np.random.Generator) -> tuple[np.n
     return t[order], visit[order]
 
 
-@pytest.mark.parametrize("late", ["sometimes", "always", "bursts", "milliseconds", "lost"])
+@pytest.mark.parametrize("late", ["sometimes", "always", "bursts", "milliseconds", "lost", "late and lost"])
 def test_a_host_that_stamps_late_is_no_error_of_the_clock(late: str) -> None:
     for seed in range(10):
         t, visit = stamps(0.0, late, np.random.default_rng(seed))

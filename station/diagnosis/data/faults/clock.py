@@ -22,6 +22,7 @@ from station.diagnosis.data.faults.gross_fault import (
     rows_of_units,
     unit_label,
 )
+from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
@@ -31,6 +32,8 @@ DETECTION_SIGMA = 4.0
 MAX_RATE_ERROR = 0.15
 #: No host stamps more exactly, s.
 STAMP_STD_S = 1e-6
+#: Without a counter frames that are missing can be counted where stamps scatter by less than this share of a period.
+MAX_SCATTER = 0.08
 #: Rounds of numbering the frames by the rate and fitting the rate to the numbers.
 ROUNDS = 3
 
@@ -97,7 +100,8 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
     """Each unit's rate against the recipe's.
 
     Frames are numbered by the counter, or by their place where there is none, and fitted against time stop by stop;
-    over a whole run where the counter cannot have gone round unnoticed in between.
+    over a whole run where the counter cannot have gone round unnoticed in between. Where frames are missing and stamps
+    scatter too much to count them, nothing tells the rate.
     """
     bits, nominal = recipe.device.counter_bits, recipe.device.rate_hz
     has = "counter" in table.values
@@ -110,6 +114,8 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
             continue
         t, group = table.time_s[rows], stop[rows] - stop[rows[0]]
         number = _numbers_in_order(t, group) if counted is None else counted[rows]
+        if counted is None and not _is_countable(t, number, group):
+            continue
         error[u], std[u], stops[u] = _slope(t, np.asarray(number / nominal, float), group, group)
         if has and np.isfinite(std[u]):
             starts = np.flatnonzero(np.diff(group, prepend=-1))
@@ -129,6 +135,18 @@ def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
     means = [float(np.mean(some)) for some in (gap[gap < 1.5 * usual], gap) if len(some)]
     tried = [_numbers_by_period(time_s, group, place, p) for p in (usual, *means) if p > 0]
     return min(tried, key=lambda pair: pair[0])[1] if tried else place
+
+
+def _is_countable(time_s: Floats, number: NDArray[np.int64], group: Array) -> bool:
+    """Whether the numbers of frames are sure: none is missing, or the stamps lie near the lines that they make."""
+    first, count = _first_and_count(group)
+    if np.array_equal(number, np.arange(len(group)) - np.repeat(first, count)):
+        return True
+    middle = [np.repeat(np.add.reduceat(x, first) / count, count) for x in (time_s, number.astype(float))]
+    t, n = time_s - middle[0], number - middle[1]
+    off = n - t * float(t @ n) / max(float(t @ t), 1e-300)
+    # A few late stamps leave the others in line.
+    return bool(np.median(np.abs(off - np.median(off))) < MAX_SCATTER * MAD_PER_SIGMA)
 
 
 def _first_and_count(group: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
