@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
@@ -37,6 +38,17 @@ def check_unclipped(table: SampleTable, rest: SampleTable) -> None:
     every, whole = len(_first_rows(table)), len(first)
     if np.bincount(rest.unit.code[first]).max(initial=0) < 2:
         raise SamplesError("samples-mostly-clipped", clipped=every - whole, visits=every)
+
+
+def check_calibrated(view: ResidualView) -> None:
+    """Errors: SamplesError where poses are unknown and the readings lie round no ellipsoid that offset and gain of a
+    sensor make: what is left of them then says nothing."""
+    if view.grid.k == 3:
+        return
+    for serial, gain in zip(view.scene.visits.unit.names, np.diagonal(view.base.matrix, axis1=1, axis2=2), strict=True):
+        size = np.abs(gain)
+        if gain.min() <= 0 or size.max() > MAX_RESPONSE_RATIO * size.min():
+            raise SamplesError("readings-on-no-ellipsoid", serial=serial)
 
 
 def _first_rows(table: SampleTable) -> NDArray[np.intp]:

@@ -92,6 +92,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     news = tuple(f for f in inspected.faults if f.effect not in known)
     reduced = reduce_samples(recipe, inspected.table)
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
+    input_checks.check_calibrated(problem.view)
     problem = with_model(problem, model)
     searched = search_causes(problem, null_of)
     last, sized = estimate_causes(searched.last)
