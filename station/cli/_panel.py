@@ -50,7 +50,7 @@ class PanelFiles:
 
     def people(self, settings: Settings) -> Path:
         """The file of the people."""
-        return self.accounts or self.database(settings).with_name("accounts.json")
+        return self.accounts or self.database(settings).parent / "accounts.json"
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 from station.errors import ConfigError, UsageError
 from station.files.json_text import NOT_AS_EXPECTED, read_json, unread_reason
 from station.files.replace import replace_text
+from station.messages import system_reason
 
 #: RFC 7914 and OWASP's floor: N = 2¹⁷, r = 8, p = 1, about 0.2 s and 128 MiB for one guess.
 _N, _R, _P = 2**17, 8, 1
@@ -108,10 +109,13 @@ def load(path: Path) -> dict[str, Account]:
 
 
 def save(path: Path, accounts: dict[str, Account]) -> None:
-    """Writes the file whole or not at all, readable by its owner only."""
+    """Writes the file whole or not at all, readable by its owner only. Errors: ConfigError."""
     rows = [{"name": a.name, "role": a.role.value, "password": a.password} for a in accounts.values()]
     text = json.dumps({"schema": "station.accounts/1", "accounts": rows}, indent=1)
-    replace_text(path, text, durable=True, mode=0o600)
+    try:
+        replace_text(path, text, durable=True, mode=0o600)
+    except OSError as exc:
+        raise ConfigError("accounts-not-written", file=str(path), why=system_reason(exc)) from exc
 
 
 def _scrypt(password: str, salt: bytes, n: int, r: int, p: int) -> bytes:

@@ -9,7 +9,7 @@ import pytest
 from station.cli.app import run_command
 from station.config.search_path import shipped_folder
 from station.domain.product.draft import frame_roles
-from station.domain.product.draft.axis_names import angle_of, axis_of
+from station.domain.product.draft.axis_names import angle_of, axis_by_number, axis_of
 from station.errors import ProductError, UsageError
 from station.wiring.jobs import check_product, load_job
 from station.wiring.product_files import read_layouts
@@ -111,6 +111,33 @@ def test_an_axis_is_read_from_a_name(name: str, stem: str, axis: str) -> None:
 )  # fmt: skip
 def test_a_tilt_is_that_of_the_axis_that_moves(name: str, stem: str, axis: str) -> None:
     assert angle_of(name) == (stem, axis)
+
+
+def test_three_numbered_signals_are_axes_where_their_unit_fits(here: Path) -> None:
+    signal = ' SG_ BESCHL_{} : {}|16@1- ({},0) [0|0] "{}" Vector__XXX\n'
+    for unit, axes in (("mg", ("BESCHL_1", "BESCHL_2", "BESCHL_3")), ("V", None)):
+        lines = "".join(signal.format(i + 1, 16 * i, 0.0625, unit) for i in range(3))
+        Path("one.dbc").write_text(f'VERSION ""\nNS_ :\nBS_:\nBU_: Node\nBO_ 401 Werte: 8 Node\n{lines}')
+        found = [p.places() for p in frame_roles.propose_roles(read_layouts(Path("one.dbc"), {}))]
+        assert found == ([] if axes is None else [axes])
+    assert axis_by_number("ACC_1_RAW") == ("acc_*_raw", "x")
+    assert axis_by_number("Acc2_of_3") is None
+
+
+def test_axes_under_one_value_of_a_multiplexer_with_a_29_bit_identifier_are_readings(here: Path) -> None:
+    names = ("LongitudinalAccel", "LateralAccel", "VerticalAccel")
+    signals = [f' SG_ {n} m0 : {8 + 16 * i}|16@1- (0.002,0) [0|0] "m/s^2" Hub' for i, n in enumerate(names)]
+    lines = [
+        'VERSION ""',
+        "NS_ :",
+        "BS_:",
+        "BU_: Hub",
+        "BO_ 2566844930 Inertial: 8 Hub",
+        ' SG_ Mux M : 0|8@1+ (1,0) [0|3] "" Hub',
+    ]
+    Path("hub.dbc").write_text("\n".join([*lines, *signals, ""]))
+    (found,) = frame_roles.propose_roles(read_layouts(Path("hub.dbc"), {}))
+    assert (found.sensor, found.places(), found.complete) == ("accelerometer", names, True)
 
 
 @pytest.mark.parametrize("name", ["Speed", "ENGINE_RPM", "Counter", "Voltage", "max", "index", "LAYER"])

@@ -17,6 +17,7 @@ _PATTERNS = (
 )  # fmt: skip
 
 
+_NUMBER, _NUMBERS = re.compile(r"[0-9]+"), {"1": "x", "2": "y", "3": "z"}
 #: Between the words of a name in camel case.
 _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
@@ -27,6 +28,15 @@ def axis_of(name: str) -> tuple[str, str] | None:
         if found := pattern.search(name):
             return f"{name[: found.start()]}*{name[found.end() :]}".lower(), found[1].lower()
     return _axis_by_word(_HUMP.sub("_", name), _WORDS)
+
+
+def axis_by_number(name: str) -> tuple[str, str] | None:
+    """The same where axes are numbered: `ACC_1_RAW` is (`acc_*_raw`, `x`); None where no single number is 1 to 3."""
+    found = [m for m in _NUMBER.finditer(name) if m[0] in _NUMBERS]
+    if len(found) != 1:
+        return None
+    (number,) = found
+    return f"{name[: number.start()]}*{name[number.end() :]}".lower(), _NUMBERS[number[0]]
 
 
 def angle_of(name: str) -> tuple[str, str] | None:

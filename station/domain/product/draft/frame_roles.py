@@ -8,7 +8,7 @@ from typing import cast
 from station import plugins
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
-from station.domain.product.draft.axis_names import angle_of, axis_of
+from station.domain.product.draft.axis_names import angle_of, axis_by_number, axis_of
 from station.domain.recipe.readings import ConvertingSensor
 from station.domain.recipe.sensor import PACKAGE, Sensor
 from station.domain.recognition.quantities import QUANTITIES, canonical, unit_factor
@@ -35,6 +35,8 @@ _AXES, _UNIT, _WORD, _EQUAL = 4.0, 4.0, 2.0, 1.0
 _BOTH = 0.5
 #: What speaks against one: its axes stand in several messages.
 _APART = 1.0
+#: Or its axes are numbers.
+_NUMBERED = 2.0
 #: What speaks for each angle of an inclinometer: less than for an axis, as those who send angles send readings, too.
 _ANGLES = 1.0
 
@@ -133,14 +135,20 @@ def temperature_of(layouts: Mapping[str, FrameLayout], roles: FrameRoles) -> tup
 
 
 def _of_message(frame: FrameLayout, units: Mapping[str, str]) -> Iterator[FrameRoles]:
-    stems: dict[str, dict[str, SignalLayout]] = {}
-    for signal in frame.signals:
-        named = axis_of(signal.name)
-        if named is not None and _may_be_reading(signal):
-            stems.setdefault(named[0], {}).setdefault(named[1], signal)
-    for stem, axes in stems.items():
-        if "x" in axes and "y" in axes:
-            yield from _of_sensors(frame, stem, axes, units)
+    for axis_in, apart, least in ((axis_of, 0.0, "xy"), (axis_by_number, _NUMBERED, "xyz")):
+        stems: dict[str, dict[str, SignalLayout]] = {}
+        for signal in frame.signals:
+            named = axis_in(signal.name)
+            if named is not None and _may_be_reading(signal):
+                stems.setdefault(named[0], {}).setdefault(named[1], signal)
+        for stem, axes in stems.items():
+            if set(least) <= set(axes):
+                by_turns = _APART * any(s.selector is not None for s in axes.values())
+                found = _of_sensors(frame, stem, axes, units)
+                # Numbers may count anything: only a unit that fits makes three of them axes.
+                yield from (
+                    replace(roles, score=roles.score - apart - by_turns) for roles in found if roles.unit or not apart
+                )
 
 
 def _of_angles(frame: FrameLayout, *, alone: bool) -> Iterator[FrameRoles]:
@@ -203,8 +211,8 @@ def _of_sensors(
 
 
 def _may_be_reading(signal: SignalLayout) -> bool:
-    """Whether it is always there and has more values than a flag or a quality."""
-    return signal.selector is None and signal.length >= _LEAST_BITS
+    """Whether it has more values than a flag or a quality."""
+    return signal.length >= _LEAST_BITS
 
 
 def _is_temperature(signal: SignalLayout) -> bool:
