@@ -142,6 +142,28 @@ def test_a_block_with_a_hole_is_asked_for_again_the_last_one_too(start: Start) -
     assert sdo.upload_block(0x1021, 0) == b"abcdefghijklmnop"
 
 
+def test_segments_of_nothing_for_ever_come_to_an_end(start: Start) -> None:
+    sdo = start(
+        ("40 08 10 00 00 00 00 00", ["40 08 10 00 00 00 00 00"]),
+        ("60 00 00 00 00 00 00 00", ["0e 00 00 00 00 00 00 00"]),
+        ("80 08 10 00 13 00 07 06", []),
+    )
+    with pytest.raises(DeviceRefused):
+        sdo.upload(0x1008, 0)
+
+
+def test_one_segment_of_a_block_for_ever_comes_to_an_end(start: Start) -> None:
+    again = ["01 61 62 63 64 65 66 67"] * 254
+    sdo = start(
+        ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 00 01 00 00"]),
+        ("a3 00 00 00 00 00 00 00", again),
+        *[("a2 01 7f 00 00 00 00 00", again)] * 3,
+        ("80 21 10 00 03 00 04 05", []),
+    )
+    with pytest.raises(DeviceRefused, match="sequence"):
+        sdo.upload_block(0x1021, 0)
+
+
 def test_a_block_with_a_wrong_crc_is_no_value(start: Start) -> None:
     sdo = start(
         ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 07 00 00 00"]),

@@ -24,6 +24,8 @@ BLOCK_SIZE = 127
 LAST = 0x80
 #: How many blocks of an upload may be incomplete, and of how many in a row of a download nothing may arrive.
 REPAIRS = 3
+#: So many frames are heard of one block: a server that repeats a segment for ever is not listened to for ever.
+_MOST_HEARD = 2 * BLOCK_SIZE
 
 
 def upload(index: int, sub: int) -> Upload:
@@ -62,7 +64,7 @@ def _block(send: bytes, data: bytearray, *, may_repair: bool) -> Generator[Excha
     """One block: how many segments came in sequence, and whether the last one of all is among them."""
     received = 0
     frames: tuple[bytes, ...] = (send,)
-    while True:
+    for _ in range(_MOST_HEARD):
         try:
             answer = yield Exchange(frames, lambda _: True)
         except NoAnswer:
@@ -77,7 +79,8 @@ def _block(send: bytes, data: bytearray, *, may_repair: bool) -> Generator[Excha
             if last:
                 return received, True
         if number >= BLOCK_SIZE or last:
-            return received, False
+            break
+    return received, False
 
 
 def download(index: int, sub: int, data: bytes) -> Download:

@@ -74,8 +74,11 @@ def _upload_segments(size: int | None) -> Upload:
     while not last:
         request = bytes([sdo.REQUEST_SEGMENT_UPLOAD | toggle]) + bytes(SEGMENT_BYTES)
         answer = yield Exchange((request,), _segment(sdo.RESPONSE_SEGMENT_UPLOAD, toggle))
-        data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+        part = answer[1 : 8 - (answer[0] >> 1 & 7)]
+        data += part
         last = bool(answer[0] & sdo.NO_MORE_DATA)
+        if not (part or last):  # segments of nothing could go on for ever
+            raise Violation(sdo.ABORT_LENGTH_TOO_LOW)
         toggle ^= sdo.TOGGLE_BIT
         if len(data) > (MOST_BYTES if size is None else size):
             raise Violation(sdo.ABORT_LENGTH_TOO_HIGH)

@@ -19,6 +19,8 @@ NO_OBJECT = 0x06020000
 _CONSECUTIVE_EXCHANGES = 2
 #: What was unlocked may be locked again after this time without a request (S3 of ISO 14229-2 is 5 s).
 _UNLOCKED_S = 2.0
+#: A device may ask for patience again and again, but not beyond so many times what it may take once.
+_MOST_PATIENCE = 10
 
 
 class ObjectClient:
@@ -46,6 +48,7 @@ class ObjectClient:
         self._lock = threading.RLock()
         self._last_answer = b""
         self._repeated, self._consecutive_repeats, self._dropped = False, 0, 0
+        self._pleas = 0
         self._quarantined = False
         self._doubtful: set[Address] = set()
         self._unlocked_s = -_UNLOCKED_S
@@ -96,9 +99,13 @@ class ObjectClient:
         wait_s = timeout_s or self._timeouts_s.get(at, self.answer_s)
         self._drain()
         self._refuse_second_device()
-        dropped, answer = self._dropped, self._exchange(request, wait_s)
+        dropped, sent_s = self._dropped, self._clock.monotonic_s()
+        answer = self._exchange(request, wait_s)
         if answer is None:
             self._quarantined = True
+            if self._pleas:
+                waited_s = round(self._clock.monotonic_s() - sent_s, 1)
+                raise DeviceSilent("object-keeps-pending", count=self._pleas, waited_s=waited_s, **where)
             silence = Message(f"sdo-{access}-timed-out", timeout_s=wait_s, **where)
             count = self._dropped - dropped
             raise DeviceSilent(Message("sdo-foreign-answers", silence=silence, count=count) if count else silence)
@@ -113,11 +120,13 @@ class ObjectClient:
     def _exchange(self, request: ObjectRequest, wait_s: float) -> bytes | ObjectRefusal | None:
         """Sends, and waits for what answers it; None at the time-out."""
         self._transport.send(request.payload)
-        deadline_s = self._clock.monotonic_s() + wait_s
+        sent_s, patience_s = self._clock.monotonic_s(), max(self._protocol.pending_s, wait_s)
+        deadline_s, self._pleas = sent_s + wait_s, 0
         while (payload := self._transport.receive(deadline_s)) is not None:
             answer = request.judge(payload)
             if isinstance(answer, Pending):
-                deadline_s = self._clock.monotonic_s() + max(self._protocol.pending_s, wait_s)
+                self._pleas += 1
+                deadline_s = min(self._clock.monotonic_s() + patience_s, sent_s + _MOST_PATIENCE * patience_s)
             elif answer is not None:
                 self._last_answer = payload
                 return answer
