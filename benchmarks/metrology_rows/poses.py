@@ -1,11 +1,14 @@
 """Coverage where the rig is off: nest, base, poses, gravity, stated or not, and after units in the log."""
 
+from dataclasses import replace
+
 import numpy as np
 from metrology_rows.bench import FLOOR, NARROW, Bench
-from metrology_rows.designs import DEG, MEAN_NOISE, recipe
+from metrology_rows.designs import DEG, MEAN_NOISE, Floats, recipe
 from metrology_rows.report import Report
 from metrology_rows.risks import past
 
+from station.domain.core.types import Labels, SampleTable
 from station.domain.line_quality import history
 
 
@@ -48,6 +51,16 @@ def taught(units: int, report: Report) -> None:
             bench.coverage(f"{name}, six, after 100 units", bench.readings(bench.truth(**size)), goal)
 
 
+class TwiceBench(Bench):
+    """A bench whose units go through their poses twice."""
+
+    def table(self, readings: Floats) -> SampleTable:
+        """As a samples table of two runs."""
+        table, poses = super().table(readings), len(self.poses)
+        visit = table.visit % poses
+        return replace(table, run=table.visit // poses, visit=visit, position=Labels(table.position.names, visit))
+
+
 def poses(units: int, report: Report) -> None:
     """Poses off by what nobody stated."""
     for design in ("six", "n18", "norm"):
@@ -57,6 +70,12 @@ def poses(units: int, report: Report) -> None:
             bench.coverage(f"poses {factor} × noise of a mean, {design}", bench.readings(true), FLOOR)
     bench = Bench(recipe("n18", {"pose_std_deg": 1.0}), units, report, 39)
     bench.coverage("poses 1° stated, n18", bench.readings(bench.truth(pose=DEG)), NARROW)
+    for kind, name in ((Bench, "once"), (TwiceBench, "twice")):
+        runs: list[dict[str, str]] = [{}] if kind is Bench else [{}, {}]
+        bench = kind(recipe("n18", {"pose_std_deg": 0.3}, runs=runs), units, report, 38)
+        values = bench.readings(np.tile(bench.truth(pose=0.3 * DEG), (1, len(runs), 1)))
+        values += 10 * MEAN_NOISE * bench.rng.standard_normal((*values.shape[:2], 1, 3))
+        bench.coverage(f"poses .3° stated, other scatter of 10 × noise, visited {name}", values, FLOOR)
 
 
 def sites(units: int, report: Report) -> None:

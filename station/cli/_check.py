@@ -206,7 +206,8 @@ def _assumptions(subject: CheckSubject) -> CheckSection:
         {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)} for a in found
     ]
     lines = tuple(
-        f"assumed: {a.key} = {a.value:.2g}{'' if a.unit == '1' else ' ' + a.unit} ({render(a.source)}); state it, or 0"
+        f"assumed: {a.key} = {a.value:.2g}{'' if a.unit == '1' else ' ' + a.unit} ({render(a.source)}); "
+        f"{'add a run' if a.key == assumptions.HIDDEN_SCATTER else 'state it, or 0'}"
         for a in found
         if not a.stated
     )

@@ -242,3 +242,19 @@ def test_what_gravity_and_temperature_do_is_listed_as_assumed_unless_stated(rng:
     found = tumble.calibrate_unit(recipe, tumble.table(recipe, np.zeros((1, 1, 3)), 0.01, 50, rng), tumble.TODAY)
     assert found.budget is not None
     assert found.budget.std("g-sensitivity")[:3] == pytest.approx([0.1] * 3)
+
+
+def test_scatter_that_nothing_shows_is_listed_as_assumed() -> None:
+    """Where errors of poses are stated, the axis along the stimulus decides, and one visit a pose does not show what
+    else moves it."""
+
+    def hidden(method: str = "n-point", **more: Any) -> bool:
+        recipe = tumble.recipe(method, **more)
+        return any(a.key == assumptions.HIDDEN_SCATTER and not a.stated for a in assumptions.listing(recipe))
+
+    stated = {"source": "gravity", "magnitude": 1.0, "pose_std_deg": 0.3}
+    assert hidden(reference=stated)
+    assert not hidden(reference=stated, runs=[{}, {}])
+    assert not hidden(reference=stated | {"pose_std_deg": 0})
+    assert not hidden(reference={"source": "gravity", "magnitude": 1.0})
+    assert not hidden("norm", reference=stated), "a fit of magnitudes does not feel poses"

@@ -22,6 +22,8 @@ BASE_DEG = 0.05
 FIELD_DEG = 0.2
 #: Taken where residuals are too few to show errors of poses.
 POSE_DEG = 10 / 60 / 3**0.5
+#: Key of scatter that no reading shows: what the log would teach of it is said under the same.
+HIDDEN_SCATTER = "residuals"
 #: Residuals of so many degrees of freedom show errors of poses by themselves.
 MIN_RESIDUAL_DOF = 3
 #: Sensitivity and cross-axis sensitivity as data sheets of MEMS sensors usually bound them.
@@ -116,6 +118,8 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
             _of("reference.pose_std_deg", r.pose_std_deg, 0.0, "deg", Message("assumed-pose", fallback=POSE_DEG))
         )
         found.append(_of("reference.nest_std_deg", r.nest_std_deg, NEST_DEG, "deg", Message("assumed-nest")))
+    if _hides_scatter(recipe):
+        found.append(_of(HIDDEN_SCATTER, None, 0.0, recipe.unit, Message("assumed-no-scatter")))
     if recipe.pose_known and r.source == "gravity":
         found.append(_of("reference.base_std_deg", r.base_std_deg, BASE_DEG, "deg", Message("assumed-base")))
     if recipe.pose_known and r.source == "field":
@@ -142,6 +146,14 @@ def thermometer(recipe: Recipe) -> Assumption:
     """How well the temperature is known at which the result holds."""
     key, own = "reference.thermometer_std_degC", recipe.reference.thermometer_std_degC
     return _of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer"))
+
+
+def _hides_scatter(recipe: Recipe) -> bool:
+    """Whether scatter along the stimulus shows nowhere: errors of poses are stated, so that the few readings that do
+    not feel them decide alone, and each pose is visited once."""
+    seatings = [run.seating for run in recipe.runs]
+    weighted = recipe.pose_known and recipe.method != "norm" and recipe.reference.source != "gold"
+    return weighted and bool(recipe.reference.pose_std_deg) and len(set(seatings)) == len(seatings)
 
 
 def _magnitude(recipe: Recipe) -> Assumption:
