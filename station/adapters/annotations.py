@@ -23,7 +23,7 @@ MOST_BYTES, MOST_MARKS = 5_000_000, 20_000
 def find_marks_file(log: Path) -> Path | None:
     """The marks of a log, when there are some."""
     for ending in (".marks.json", ".marks.csv"):
-        for path in (log.with_name(log.name + ending), log.with_suffix(ending)):
+        for path in (log.parent / (log.name + ending), log.parent / (log.stem + ending)):
             if path.is_file():
                 return path
     return None
@@ -58,7 +58,7 @@ def _of_json(path: Path, text: str) -> Annotations:
         document = parse_json(text)
         _check_count(path, len(document["marks"]) if isinstance(document, dict) and "marks" in document else 0)
     except json.JSONDecodeError as exc:
-        why = Message("line-not-json", why=exc.msg)
+        why = Message("line-not-json", column=exc.colno)
         raise LogError("line-of-file", file=str(path), line=exc.lineno, reason=why) from None
     except (ValueError, TypeError):
         raise LogError("file-nested-too-deep", file=str(path)) from None

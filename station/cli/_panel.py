@@ -11,7 +11,7 @@ from pathlib import Path
 
 from station.cli import _output
 from station.config.settings import Settings, load_settings
-from station.errors import ConfigError, StationFault, UsageError
+from station.errors import ConfigError, StationFault, StoreFault, UsageError
 from station.messages import Message, render, system_reason
 from station.panel_protocol import accounts
 from station.panel_protocol.account_seal import AccountChange, check_sealed
@@ -147,6 +147,8 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
         rehearsal=is_rehearsal(settings),
     )
     people = where.people(settings)
+    if order.database.is_dir():
+        raise StoreFault("log-not-opened", path=str(order.database), reason=Message("log-is-folder"))
     if not accounts.load(people):
         if pace is None:
             raise ConfigError("panel-nobody", file=str(people))
