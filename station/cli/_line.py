@@ -1,5 +1,6 @@
 """The face of `station line`: one line of text for each change of state and each step of a load."""
 
+import errno
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
@@ -17,8 +18,8 @@ from station.domain.cell.packml import Command, State
 from station.domain.core.types import NestAssignment
 from station.domain.recipe import serial as serials_of
 from station.domain.run.progress import LoadDone, Notice, UnitDone
-from station.errors import StationError, UsageError
-from station.messages import Message, render
+from station.errors import ConfigError, StationError, UsageError
+from station.messages import Message, render, system_reason
 from station.panel_protocol.journal_seal import JournalSealer, sealing_journal
 from station.panel_protocol.line_adjustment import LineAdjustments
 from station.panel_protocol.line_state import LineCommands, LineStateWriter, send_line_command
@@ -57,6 +58,9 @@ class _Counts:
 
 def run_line(order: RunOrder, request: LineRequest) -> int:
     """Opens the station and its cell, and runs until it is complete or stopped; the exit code."""
+    if order.device_state is not None and order.device_state.exists() and not order.device_state.is_dir():
+        why = system_reason(FileExistsError(errno.EEXIST, ""))
+        raise ConfigError("memory-folder-not-made", folder=str(order.device_state), why=why)
     stop = StopRequest()
     with stop_signals(stop), ExitStack() as opened:
         with stop:

@@ -15,7 +15,7 @@ def replacing(path: Path, *, durable: bool = False, mode: int = 0o666) -> Iterat
     The place bears the file's ending, for writers that go by it. durable: both the content and the name are on the
     disk before this returns. mode: of the new file, less the umask. Errors: OSError.
     """
-    if not path.name:  # '.', which an empty word on a command line becomes
+    if path.is_dir():  # '.' too, which an empty word on a command line becomes
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     part = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
     os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode))

@@ -60,6 +60,7 @@ rehearsal: {device_state: devices}
         "run --recipe six-point --units 1 --interface can0",
         "run --recipe six-point --units 1 --config typo.yaml",
         "calibrate --recipe six-point --samples .",
+        "line --simulate --loads 1 --device-state readings.csv",
         "device --interface virtual --channel here --node 17 --serial 99999999999999999999",
     ],
 )
