@@ -178,5 +178,5 @@ def test_a_gap_in_a_covariate_is_said(
         main(["diagnose", "--recipe", "six-point", "--samples", str(path), "--json", "-"])
     out, err = capsys.readouterr()
     assert ended.value.code == 0
-    assert "temperature_degC is not known in every row, so no cause is laid to it" in err
+    assert "temperature_degC is not known in every row, so no cause is attributed to it" in err
     assert "offset-temperature" in json.loads(out)["not_testable"]
