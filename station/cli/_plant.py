@@ -13,11 +13,9 @@ from station.errors import ConfigError, UsageError
 from station.files.system_errors import os_error_reason
 from station.messages import Message, render
 from station.ports.plant import QuarantineEntry
-from station.web.plant import CertifiedConnection, Entrances, PlantFace, create_plant_app
+from station.web.plant import Entrances, PlantFace, connection_options, create_plant_app
 from station.wiring.plant import Plant, new_token, open_plant
 
-#: More stations than any plant has, each with one connection.
-_MOST_CONNECTIONS = 500
 SCHEMA = "station.plant-status/1"
 
 
@@ -35,10 +33,8 @@ def serve(config: Path, host: str, port: int) -> int:
             create_plant_app(_face(plant, settings)),
             log_level="warning",
             access_log=False,
-            limit_concurrency=_MOST_CONNECTIONS,
-            timeout_keep_alive=75,
-            http=CertifiedConnection,
             ws="none",
+            **connection_options(),
             **_tls(settings),
         )
         uvicorn.Server(options).run([listener])

@@ -10,10 +10,9 @@ from prometheus_client import CollectorRegistry, Gauge
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from station.domain.records.wire import decode
 from station.errors import StationError
@@ -22,6 +21,7 @@ from station.ports.clock import Clock
 from station.ports.plant import Claim, PlantStore
 from station.service.receiver import PlantReceiver, RegisteredStation, Standing
 from station.service.witness import Witness
+from station.web.connections import GuardedConnection, allow_connections
 from station.web.witness import create_witness_app
 
 #: Seals that one question may ask for.
@@ -69,13 +69,20 @@ def create_plant_app(face: PlantFace, further: Sequence[BaseRoute] = ()) -> Star
     ]
     if face.witness is not None:
         routes.append(Mount("/", create_witness_app(face.witness)))
-    app = Starlette(routes=routes, exception_handlers={StationError: _station_error})
+    app = Starlette(routes=routes, exception_handlers={StationError: _station_error, ClientDisconnect: _gone})
     app.state.face = face
     return app
 
 
-class CertifiedConnection(H11Protocol):
-    """A connection that tells the application whose certificate it was opened with."""
+class CertifiedConnection(GuardedConnection):
+    """A connection that tells the application whose certificate it was opened with. Its deadline begins anew with each
+    part of a portion: a slow line brings a whole one late. A stranger is refused before any part."""
+
+    def data_received(self, data: bytes) -> None:
+        """Takes bytes in."""
+        if (cycle := vars(self)["cycle"]) is not None and cycle.more_body:
+            self._forget_deadline()
+        super().data_received(data)
 
     def connection_made(self, transport: Any) -> None:
         """Notes the common name of the client's certificate, which the handshake has checked."""
@@ -87,6 +94,12 @@ class CertifiedConnection(H11Protocol):
         self.app_state = {**self.app_state, "certificate": name}
 
 
+def connection_options() -> dict[str, Any]:
+    """What uvicorn is told of connections; this process may hold many from now on."""
+    allow_connections()
+    return {"http": CertifiedConnection, "timeout_keep_alive": 75}
+
+
 _Handler = Callable[[PlantFace, RegisteredStation, Request], Any]
 
 
@@ -95,6 +108,8 @@ def _for_stations(face: PlantFace, handler: _Handler) -> Callable[[Request], Any
         station = face.entrances.station_of(request)
         if station is None:
             return _refused(401, Message("plant-unknown-station"))
+        if not (_log_id(request).isascii() and _log_id(request).isprintable()):
+            return _refused(400, Message("plant-no-portion"))
         answer: Response = await handler(face, station, request)
         return answer
 
@@ -183,6 +198,11 @@ async def _station_error(_: Request, exc: Exception) -> Response:
     """The station tries again: nothing that came is lost, it is still in its log."""
     assert isinstance(exc, StationError)
     return JSONResponse({"error": exc.sentence}, 503, {"retry-after": "5"})
+
+
+async def _gone(_: Request, exc: Exception) -> Response:  # noqa: ARG001 - of starlette's form
+    """Nobody hears it: the connection ended within a portion."""
+    return Response(status_code=400)
 
 
 def _log_id(request: Request) -> str:

@@ -4,12 +4,13 @@ import http.client
 import io
 import json
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -137,6 +138,20 @@ def test_ships_by_token_through_outages_and_kills_and_says_where_it_stands(
     assert f'plant_records{{station="bench-1"}} {len(station.records())}.0' in served.get("/metrics")[1].decode()
     audit = json.loads(station_command("audit", "SN0100", "--json", "--db", served.address).stdout)
     assert [a["serial"] for a in audit["attempts"]] == ["SN0100"]
+
+
+def test_who_brings_half_a_request_keeps_no_station_out(served: Served, new_station: NewStation) -> None:
+    token = register(served, new_station(units=0)).read_text()
+    served.start()
+    half = b"POST /logs/a/records HTTP/1.1\r\nHost: plant\r\n"
+    with ExitStack() as held:
+        for _ in range(600):
+            held.enter_context(socket.create_connection(("127.0.0.1", int(served.port)))).sendall(half)
+        assert served.get("/health")[0] == 200
+        with socket.create_connection(("127.0.0.1", int(served.port))) as cut:
+            cut.sendall(half + f"Authorization: Bearer {token}\r\nContent-Length: 99\r\n\r\nstation".encode())
+        status, said = served.get("/logs/a%00b", token)
+    assert (status, json.loads(said)["refused"]["reason"]) == (400, "plant-no-portion")
 
 
 def test_a_stranger_learns_and_changes_nothing(served: Served, new_station: NewStation) -> None:
