@@ -8,11 +8,14 @@ import pytest
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
-from station.diagnosis.discovery.discover import discover
+from station.diagnosis.discovery.discover import discover, is_series
+from station.diagnosis.discovery.rest import is_noise
+from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.model.formula.term import Term
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, Scaled, World, hide
 from tests.blind.inspection import diagnosis_of
@@ -78,3 +81,25 @@ def test_a_wave_that_each_axis_feels_of_another_one_is_one_term_of_one_frequency
     assert term.family == ("other", "wave")
     assert {label.rpartition(":")[0] for label in term.axes} == {"x:z", "y:x", "z:y"}
     assert abs(dict(term.constants)["cycles_hz"] - 0.27 / (2 * np.pi)) < 0.0005
+
+
+def test_a_wave_that_only_follows_a_chirp_leaves_no_noise() -> None:
+    def chirp(w: World, rng: Scaled, bent: float) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        added[:, 2] = w.a[:, 2] * np.cos(2 * np.pi * (0.05 * w.t + bent * w.t**2)) * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    waves = Term("own", "wave", ("z:cos", "z:sin"), "common", (("cycles_hz", 0.05),))
+    quiet = []
+    for bent in (0.0, 1e-4):
+        table, _ = hide(recipe(), lambda w, rng, b=bent: chirp(w, rng, b), 31, d=16.0)  # type: ignore[misc]
+        problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+        fit = fit_term(waves, TermSpaces(problem, problem.fit().floor).of(waves))
+        quiet.append(is_noise(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), [waves]))
+    assert quiet == [True, False]
+
+
+def test_two_waves_of_one_input_on_one_axis_are_a_series() -> None:
+    one, two = (Term("own", "wave", ("z:cos",), "unit", (("cycles_hz", f),)) for f in (0.05, 0.09))
+    assert is_series([one, two])
+    assert not is_series([one, Term("own", "wave", ("x:cos",), "unit", (("cycles_hz", 0.09),))])

@@ -15,6 +15,7 @@ from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families, simplest
 from station.diagnosis.discovery.library import libraries
 from station.diagnosis.discovery.merge import TermPair
+from station.diagnosis.discovery.rest import is_noise
 from station.diagnosis.discovery.scan import Choice, Scan, scan_of, scanned_units
 from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, accepted, fit_term, refine, with_levels
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
@@ -32,9 +33,8 @@ MAX_TERMS, MAX_ROUNDS = 3, 6
 MOST_REFINED, REFINED_NATS = 20, 9.0
 #: What a law may lose, as a share of its score, where its constants stand between those of the grid.
 GRID_SHARE = 0.35
-#: A formula is whole where the next best term is this far below chance, nats, and the rest is not larger than the
-#: visits' own noise by more than this, standard deviations.
-NEARLY_NATS, MOST_EXCESS = 1.0, 1.8
+#: A formula is whole only where the next best term is this far below chance, nats.
+NEARLY_NATS = 2.0
 #: Numbers that must be left beside the calibration: of fewer no law can be read.
 LEAST_NUMBERS = 12
 #: What a term of the rig's groups, which are not on the grid, must be ahead of chance, nats.
@@ -107,8 +107,9 @@ def discover(
             return Discovery((), bare, search.threshold, quiet=False, first=first)
         if len(found) > 1:
             problem, found = search.fitted_back(problem, found, first)
-    whole = alarm is not None and bool(found) and search.is_exhausted(len(found)) and _excess(problem) <= MOST_EXCESS
-    quiet = whole and alarm is not None and alarm.is_quiet(problem)
+    terms = [t.fit.term for t in found]
+    whole = bool(found) and search.is_exhausted(len(found)) and not is_series(terms)
+    quiet = whole and alarm is not None and is_noise(problem, terms) and alarm.is_quiet(problem)
     return Discovery(tuple(found), problem, search.threshold, quiet, first)
 
 
@@ -253,12 +254,8 @@ def _with_term(problem: ScoringProblem, found: FoundTerm, place: int | None = No
     return refined(problem.with_accepted(items), rounds=2)
 
 
-def _excess(problem: ScoringProblem) -> float:
-    """By how many standard deviations the rest is larger than the visits' own noise: of a law that nothing expresses
-    the floor takes up what it can, and only this still shows it."""
-    reduced = problem.view.reduced
-    within = float(reduced.sigma / np.sqrt(reduced.count.sum(1).mean()))
-    if within <= 0:
-        return 0.0
-    space = problem.space(NoiseFloor(within, 0.0, 0.0), moving=False)
-    return (space.rest / space.dof - 1) / float(np.sqrt(2 / space.dof))
+def is_series(terms: Sequence[Term]) -> bool:
+    """Whether two terms of one family add up on one axis: the beginning of a series for a curve that the grammar does
+    not know, as of waves for a chirp."""
+    places = [(*t.family, c.i, c.j) for t in terms for c in {(c.i, c.j): c for c in t.columns}.values()]
+    return len(set(places)) < len(places)

@@ -139,10 +139,16 @@ class Term:
 
     def column(self, column: FormulaColumn, signal: Signal) -> Floats:
         """What one coefficient of size 1 adds to its axis (n)."""
+        one, two = self.factor_values(column, signal)
+        return one * two
+
+    def factor_values(self, column: FormulaColumn, signal: Signal) -> tuple[Floats, Floats]:
+        """What the axis feels (n), and how it is modulated (n), of one coefficient."""
         trees = self.tree(column)
         values = variable_values(signal, column.i, column.j, frozenset().union(*(variables(t) for t in trees)))
         one, two = (evaluate(t, values, dict(self.constants)) for t in trees)
-        return np.broadcast_to(without_rounding(one) * two, len(signal.scene))
+        n = len(signal.scene)
+        return np.broadcast_to(without_rounding(one), n), np.broadcast_to(two, n)
 
 
 def without_rounding(values: Floats) -> Floats:

@@ -1,0 +1,146 @@
+"""Whether what a formula leaves is noise: its size, and whether any of it repeats.
+
+A law that no formula expresses is followed a little, and what is left hardly enlarges the whole. It repeats, though:
+at the same visit of the same run of all units, at one position, at one level of what was recorded, on one axis, times
+what the axes feel. Each such pattern is left free altogether, one mean for each of its groups; as the scatter within
+the visits says how large noise makes it, its sum of squares is a χ² (lack of fit on replicated points).
+
+The curves of the formula's own terms are looked at first: where a term is the whole law, points lie about its curve as
+noise puts them. They are few, and therefore have chance of their own.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
+from station.diagnosis.discovery.scan import ScannedUnits, scanned_units
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import Floats
+from station.model.formula.term import Term
+from station.model.forward import sensor_signal
+
+#: By how many standard deviations the whole may be larger than noise makes it, and the chances that any of the patterns
+#: fails, or any curve of a term, where nothing is left.
+MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE = 1.8, 0.03, 0.04
+#: What was recorded beside the readings is cut into so many groups of as many visits each, and so many along the curve
+#: of a term; units looked at, at most.
+GROUPS, CURVE_GROUPS, MOST_UNITS = 12, 20, 40
+COVARIATES = ("time_s", "temperature_degC", "temperature_rate", "motor")
+#: A direction that keeps less than this share of its squared length is lost in what is known.
+VISIBLE_SHARE = 1e-4
+
+
+class Pattern(NamedTuple):
+    """Columns (v, c) on one axis; own: whether each unit has sizes of its own."""
+
+    columns: Floats
+    axis: int
+    own: bool
+
+
+def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
+    """Whether what a formula of some terms leaves is no larger than the visits' own noise, and repeats nowhere."""
+    reduced = problem.view.reduced
+    within = float(reduced.sigma / np.sqrt(reduced.count.sum(1).mean()))
+    if within <= 0:
+        return True
+    floor = NoiseFloor(within, 0.0, 0.0)
+    if excess_of_rest(problem.space(floor, moving=False)) > MOST_EXCESS:
+        return False
+    units = scanned_units(problem, MOST_UNITS)
+    space = units.setting.space(floor, moving=False)
+    curves = pattern_chances(_curves_of_terms(problem, units.stops, terms), units, space)
+    rest = (*axis_chances(units, space), *pattern_chances(_repeating_patterns(problem, units.stops), units, space))
+    return _all_by_chance(tuple(curves), CURVE_CHANCE) and _all_by_chance(rest, PATTERN_CHANCE)
+
+
+def _all_by_chance(found: Sequence[float], chance: float) -> bool:
+    return min(found, default=1.0) > chance / max(len(found), 1)
+
+
+def excess_of_rest(space: ResidualSpace) -> float:
+    """By how many standard deviations the rest is larger than noise makes it."""
+    return (space.rest / space.dof - 1) / float(np.sqrt(2 / space.dof))
+
+
+def axis_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
+    """The chance that the rest on each axis is as large as it is."""
+    grid = units.setting.layout.grid
+    _, R, V = grid.slot.shape
+    lost = np.sum(space.basis**2, axis=2) + np.sum(space.shared_basis**2, axis=2)
+    free, square = np.where(space.live, 1 - lost, 0.0), space.residual**2
+    for axis in range(grid.k):
+        rows = slice(axis, R * V * grid.k, grid.k)
+        dof = float(np.sum(free[:, rows]))
+        if dof >= 1:
+            yield float(scipy.stats.chi2.sf(np.sum(square[:, rows]), dof))
+
+
+def pattern_chances(patterns: Iterable[Pattern], units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
+    """The chance that each pattern holds as much of the rest as it does."""
+    layout, residual = units.setting.layout, space.residual[..., None]
+    for p in patterns:
+        white = space.project(layout.columns(layout.keep[:, :, p.axis, None] * p.columns[:, None], None))
+        columns = white if p.own else white.reshape(1, residual.size, -1)
+        normal = columns.swapaxes(1, 2) @ columns
+        if not p.own:
+            known = space.shared_basis.reshape(residual.size, -1).T @ columns[0]
+            normal = normal - known.T @ known
+        m, E = np.linalg.eigh(normal)
+        visible = m > VISIBLE_SHARE * np.maximum(m.max(initial=0.0), 1e-300)
+        along = (E.swapaxes(1, 2) @ (columns.swapaxes(1, 2) @ residual.reshape(len(columns), -1, 1)))[..., 0]
+        if np.any(visible):
+            yield float(scipy.stats.chi2.sf(np.sum(along[visible] ** 2 / m[visible]), np.count_nonzero(visible)))
+
+
+def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> Iterator[Pattern]:
+    """What may repeat in the rest, at some stops (v)."""
+    scene = problem.view.scene
+    felt = sensor_signal(scene, problem.view.active).true[stops]
+    ones = np.ones((len(felt), 1))
+    run, position = (scene.codes(level)[stops] for level in ("run-of-recipe", "position"))
+    visit = np.asarray(scene.visits.visit)[stops]
+    occasion = np.unique(np.stack([run, visit]), axis=1, return_inverse=True)[1].ravel()
+    levels = [_level_groups(scene.require(name)[stops], GROUPS) for name in COVARIATES if scene.is_recorded(name)]
+    for axis in range(3):
+        yield Pattern(_group_columns(occasion, ones), axis, own=False)
+        yield Pattern(_group_columns(position, ones), axis, own=False)
+        for group in levels:
+            for times in (ones, *felt.T[..., None]):
+                for own in (False, True):
+                    yield Pattern(_group_columns(group, times), axis, own)
+
+
+def _curves_of_terms(problem: ScoringProblem, stops: NDArray[np.bool_], terms: Sequence[Term]) -> Iterator[Pattern]:
+    """Any curve in place of that of each term: along what modulates it, and from position to position."""
+    scene = problem.view.scene
+    signal = sensor_signal(scene, problem.view.active)
+    position = scene.codes("position")[stops]
+    for term in terms:
+        if term.is_turn or "since_arrival_s" in term.needs:
+            continue
+        own = term.of in PER_UNIT_LEVELS
+        parts = {c: term.factor_values(c, signal) for c in term.columns}
+        felt = {(c.i, c.j, c.phase): one[stops, None] for c, (one, _) in parts.items()}
+        modulated = {(c.i, c.wave): two[stops, None] for c, (_, two) in parts.items()}
+        if term.modulator != "constant":
+            along = _level_groups(scene.require(next(iter(term.needs), "time_s"))[stops], CURVE_GROUPS)
+            yield from (Pattern(_group_columns(along, one), at[0], own) for at, one in felt.items())
+        yield from (Pattern(_group_columns(position, two), at[0], own) for at, two in modulated.items())
+
+
+def _level_groups(values: Floats, groups: int) -> NDArray[np.intp]:
+    """Groups (v) of about as many visits each, by the size of something recorded."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, groups + 1)[1:-1]))
+    return np.searchsorted(edges, values, side="right")
+
+
+def _group_columns(code: NDArray[np.int32] | NDArray[np.intp], times: Floats) -> Floats:
+    """A column for each group: some values (v, 1) where a visit is of the group, 0 elsewhere."""
+    return np.asarray((code[:, None] == np.unique(code)) * times)
