@@ -10,7 +10,7 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.discover import discover, is_series
 from station.diagnosis.discovery.rest import is_noise
-from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term
+from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, search_between
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
@@ -97,6 +97,16 @@ def test_a_wave_that_only_follows_a_chirp_leaves_no_noise() -> None:
         fit = fit_term(waves, TermSpaces(problem, problem.fit().floor).of(waves))
         quiet.append(is_noise(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), [waves]))
     assert quiet == [True, False]
+
+
+def test_a_constant_that_no_data_allow_on_half_of_its_range_is_sought_on_the_other() -> None:
+    tried: dict[float, float] = {}
+
+    def evidence(x: float) -> float:
+        return tried.setdefault(x, -np.inf if x < 0.5 else -((x - 0.7) ** 2))
+
+    search_between(0.0, 1.0, evidence)
+    assert max(tried, key=lambda x: tried[x]) == pytest.approx(0.7, abs=0.05)
 
 
 def test_two_waves_of_one_input_on_one_axis_are_a_series() -> None:

@@ -30,6 +30,8 @@ UNNAMED = "hypothesis"
 WIDE = 3.0
 #: Columns shorter than this share of the longest are rounding.
 ROUNDING = 1e-9
+#: Stands for an evidence of minus infinity, with which an optimiser cannot reckon.
+OUT_OF_QUESTION = 1e12
 #: Where the zero and the bend of temperatures are looked for, in ranges of temperature about the middle: a square whose
 #: zero is among the temperatures has a narrow best.
 ZEROS = (-2.5, -1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2, 2.5)
@@ -203,14 +205,17 @@ def _refine_one(best: TermFit, field: str, where: TermSpace) -> TermFit:
     for x in scale.around:
         at(x)
     for low, high in list(_tops(sorted(tried), at)):
-        _search_between(low, high, at)
+        search_between(low, high, at)
     return max(tried.values(), key=lambda f: f.evidence)
 
 
-def _search_between(low: float, high: float, at: Callable[[float], float]) -> None:
+def search_between(low: float, high: float, at: Callable[[float], float]) -> None:
     """Brent's method: as near to the highest point of a function as a share of the interval."""
     scipy.optimize.minimize_scalar(
-        lambda x: -at(float(x)), bounds=(low, high), method="bounded", options={"xatol": FINENESS * (high - low)}
+        lambda x: min(-at(float(x)), OUT_OF_QUESTION),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": FINENESS * (high - low)},
     )
 
 
