@@ -21,5 +21,5 @@ def test_whoever_reads_the_address_may_come_at_once() -> None:
 def test_a_door_that_is_taken_is_said() -> None:
     with _listening_socket(ListenAddress("127.0.0.1", 0, secure=False)) as door:
         taken = ListenAddress("127.0.0.1", door.getsockname()[1], secure=False)
-        with pytest.raises(StationFault, match="choose another --port"):
+        with pytest.raises(StationFault, match="choose another --host or --port"):
             _listening_socket(taken)

@@ -364,7 +364,7 @@ def test_text_form() -> None:
         "refuse", index=0x2101, sub=1, code=0x06090030, access="write"
     )
     for text, printed in (
-        ("nonsense", "There is no fault 'nonsense'; the known ones are silent, deaf"),
+        ("silence", "There is no fault 'silence' (nearest: silent); the known ones are silent, deaf"),
         ("late:second=1", "'second=1' is not one of at, times"),
         ("late:seconds", "'seconds' is not one of"),
         ("late:seconds=long", "'long' is not a number for seconds"),
