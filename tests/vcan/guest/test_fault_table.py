@@ -51,9 +51,11 @@ def test_at_least_twenty_rows_run_here() -> None:
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.inject)
 def test_the_same_outcome_and_sentence_on_a_kernel_bus(row: Row, vcan: Interface, tmp_path: Path) -> None:
     faults = (row.inject.removeprefix("device "),)
+    # A machine that is busy may starve a dwell; where the fault is not in the readings, it is taken again.
+    repeats = 0 if row.outcome == "FAIL" else 2
     with (
         fixture.Served(vcan, (NODE,), (SERIAL,), faults=faults, flash_s=0.05) as served,
-        fixture.opened(tmp_path, vcan, (NODE,), recipe={"visit_repeats": 0}) as bench,
+        fixture.opened(tmp_path, vcan, (NODE,), recipe={"visit_repeats": repeats}) as bench,
     ):
         ran = fixture.run(bench, (SERIAL,), served.turn)
     r = ran.results[SERIAL]
