@@ -18,8 +18,9 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import redirect_stdout
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -69,30 +70,37 @@ class Portion(NamedTuple):
         return (d for d in self.strengths if d in STRONG)
 
 
+def _trials(
+    part: str,
+    make: Callable[..., Law] | None,
+    strengths: Iterable[float],
+    bench: Bench,
+    seeds: Callable[[], Iterator[int]],
+) -> Iterator[Outcome]:
+    """Campaigns of one kind of law, at each strength with the same seeds."""
+    for d in strengths:
+        for at in seeds():
+            yield outcome_of(part, at, bench.trial(make, d, at))
+
+
 def laws(bench: Bench, portion: Portion) -> Iterator[Outcome]:
     """One term in the grammar, at every strength."""
-    for d in portion.strengths:
-        for at in portion.seeds(100):
-            yield outcome_of("laws", at, bench.trial(in_grammar, d, at))
+    return _trials("laws", in_grammar, portion.strengths, bench, partial(portion.seeds, 100))
 
 
 def double(bench: Bench, portion: Portion) -> Iterator[Outcome]:
     """Two terms of about one strength."""
-    for at in portion.seeds(200):
-        yield outcome_of("two terms", at, bench.trial(two_terms, STRONG[-1], at))
+    return _trials("two terms", two_terms, STRONG[-1:], bench, partial(portion.seeds, 200))
 
 
 def strange(bench: Bench, portion: Portion) -> Iterator[Outcome]:
     """What no three terms of the grammar are."""
-    for d in portion.strong:
-        for at in portion.seeds(300):
-            yield outcome_of("not expressible", at, bench.trial(not_expressible, d, at))
+    return _trials("not expressible", not_expressible, portion.strong, bench, partial(portion.seeds, 300))
 
 
 def nulls(bench: Bench, portion: Portion) -> Iterator[Outcome]:
     """Nothing is in the data."""
-    for at in portion.seeds(400):
-        yield outcome_of("nulls", at, bench.trial(None, 0.0, at))
+    return _trials("nulls", None, (0.0,), bench, partial(portion.seeds, 400))
 
 
 def whole(_bench: Bench, portion: Portion) -> Iterator[Outcome]:

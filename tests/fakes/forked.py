@@ -5,18 +5,16 @@ It starts in the time of a fork, ends with the exit code and the lines that a pe
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, NoReturn
 
 from station.cli import app
 from tests.fakes.command import Done
-
-_LOOK_S = 0.01
 
 
 def forked(folder: Path, limit_s: float) -> Callable[..., Done]:
@@ -57,15 +55,15 @@ def _be_command(words: Sequence[str], folder: Path, out: IO[bytes], err: IO[byte
 
 def _wait(child: int, limit_s: float) -> int:
     """Exit code, or minus the number of the signal that ended it; whatever it started ends with it."""
-    end = time.monotonic() + limit_s
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done or time.monotonic() > end:
-            break
-        time.sleep(_LOOK_S)
+    handle = os.pidfd_open(child)
+    try:
+        select.select([handle], [], [], limit_s)
+    finally:
+        os.close(handle)
+    # The child heads its group until it is waited for: its number is nobody else's.
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
-    return os.waitstatus_to_exitcode(status if done else os.waitpid(child, 0)[1])
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def _text(file: IO[bytes]) -> str:
