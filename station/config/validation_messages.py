@@ -1,6 +1,7 @@
 """Validation errors as messages a person can act on: line, key, what is wrong, the nearest known key."""
 
 import difflib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -12,6 +13,9 @@ from station.errors import InvalidValue
 from station.messages import Message
 
 KeyPath = tuple[str | int, ...]
+
+#: A pattern that only says which characters there may be.
+_OF_CHARACTERS = re.compile(r"\^(\[(?:[^\]\\]|\\.)+\])(?:[*+]|\{[\d,]+\})\$")
 
 #: A page of mistakes helps nobody; the rest shows after these are mended.
 MOST_MISTAKES = 20
@@ -65,9 +69,17 @@ def _reason(error: Any, model: type[BaseModel], place: KeyPath) -> Message:
         return cause.message
     if kind in ("value_error", "assertion_error"):
         return Message.text(str(context["error"]))
+    if kind == "string_pattern_mismatch" and (wrong := _wrong_characters(context["pattern"], error["input"])):
+        return Message("value-characters", given=_abbreviated(error["input"]), characters=wrong)
     id_, names = TYPES.get(kind, UNEXPECTED)
     parameters = {name: _plain(context.get(key)) for name, key in names.items()}
     return Message(id_, given=_abbreviated(error["input"]), **parameters)
+
+
+def _wrong_characters(pattern: str, given: str) -> tuple[str, ...]:
+    """What the text holds and the pattern allows nowhere, as Python writes it; nothing where it asks for more."""
+    allowed = _OF_CHARACTERS.fullmatch(pattern)
+    return tuple(repr(c) for c in dict.fromkeys(given) if not re.match(allowed[1], c))[:8] if allowed else ()
 
 
 def _plain(value: Any) -> Any:
