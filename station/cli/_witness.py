@@ -9,14 +9,12 @@ from station.cli import _output
 from station.errors import StationFault, UsageError
 from station.messages import Message, render
 
-#: More stations than any plant shows their logs at one time.
-MOST_CONNECTIONS = 200
-
 
 def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, port: int) -> int:
     """Serves until SIGINT or SIGTERM. Errors: UsageError, ConfigError, StoreFault, StationFault."""
     import uvicorn
 
+    from station.web.connections import GuardedConnection, allow_connections
     from station.web.witness import create_witness_app
     from station.wiring.logs import open_witness
 
@@ -28,9 +26,8 @@ def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, po
     ):
         at = f"http://{host}:{listener.getsockname()[1]}"
         _output.print_line(render(Message("witness-serving", url=at, heads=str(heads))))
-        options = uvicorn.Config(
-            create_witness_app(witness), log_level="warning", limit_concurrency=MOST_CONNECTIONS, timeout_keep_alive=5
-        )
+        allow_connections()
+        options = uvicorn.Config(create_witness_app(witness), log_level="warning", http=GuardedConnection, ws="none")
         uvicorn.Server(options).run([listener])
     return 0
 

@@ -15,6 +15,7 @@ from starlette.routing import Mount, Route
 from station.errors import InputError, StationError
 from station.messages import Message
 from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render, signing, unit_page
+from station.web.connections import GONE
 from station.web.guard import RequestRefusal, SecurityMiddleware, session_of
 from station.web.panel import Panel
 from station.web.static_files import HashedFiles
@@ -31,7 +32,7 @@ def create_app(panel: Panel) -> Starlette:
             Mount("/static", HashedFiles()),
         ],
         middleware=[Middleware(SecurityMiddleware, host_names=panel.host_names)],
-        exception_handlers={HTTPException: _http_error, StationError: _station_error},
+        exception_handlers={HTTPException: _http_error, StationError: _station_error, **GONE},
         lifespan=_lifespan,
     )
     app.state.panel = panel

@@ -1,4 +1,4 @@
-"""Connections of the page: nobody who only holds one open, or feeds or drains it drop by drop, keeps others out.
+"""Connections of page, plant and witness: who only holds one open, feeds or drains it drop by drop keeps nobody out.
 
 A connection must bring a whole request, head and body, within REQUEST_S at most, and must take what it is sent within
 DRAIN_S. Those that came at the same instant are closed one after the other, from SOONEST of that time on: else all
@@ -11,11 +11,14 @@ had GRACE_S; one whose request is being answered never is, unless it is a log-in
 import asyncio
 import gc
 import resource
-from collections.abc import Iterable
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from heapq import nsmallest
 from itertools import count
 from typing import Any
 
+import h11
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS, MOST_PER_ADDRESS = 4000, 2500
@@ -36,6 +39,15 @@ def allow_connections() -> None:
     if soft != resource.RLIM_INFINITY and soft < wanted:
         most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
+async def _gone(_: Request, exc: Exception) -> Response:  # noqa: ARG001 - of starlette's form
+    """Nobody hears it."""
+    return Response(status_code=400)
+
+
+#: What an application answers to a connection that ended within a body.
+GONE: Mapping[type[Exception], Callable[[Request, Exception], Awaitable[Response]]] = {ClientDisconnect: _gone}
 
 
 def patience_s(number: int) -> float:
@@ -81,6 +93,16 @@ class GuardedConnection(H11Protocol):
             self._forget_deadline()
         elif self._deadline is None and not self.transport.is_closing():
             self._expect_request()
+
+    def send_400_response(self, msg: str) -> None:
+        """What came is no HTTP: said so unless an answer has begun; the application takes its client for gone."""
+        if (cycle := vars(self)["cycle"]) is not None:
+            cycle.disconnected = True
+            cycle.message_event.set()
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            super().send_400_response(msg)
+        else:
+            self.transport.close()
 
     def on_response_complete(self) -> None:
         """The next request has its own deadline; uvicorn's keep-alive is shorter while nothing comes."""

@@ -10,19 +10,18 @@ from prometheus_client import CollectorRegistry, Gauge
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 
 from station.domain.records.wire import decode
-from station.errors import StationError
 from station.messages import Message, render
 from station.ports.clock import Clock
 from station.ports.plant import Claim, PlantStore
 from station.service.receiver import PlantReceiver, RegisteredStation, Standing
 from station.service.witness import Witness
 from station.web.connections import GuardedConnection, allow_connections
-from station.web.witness import create_witness_app
+from station.web.witness import ERRORS, create_witness_app
 
 #: Seals that one question may ask for.
 _MOST_SEALS = 1000
@@ -69,7 +68,7 @@ def create_plant_app(face: PlantFace, further: Sequence[BaseRoute] = ()) -> Star
     ]
     if face.witness is not None:
         routes.append(Mount("/", create_witness_app(face.witness)))
-    app = Starlette(routes=routes, exception_handlers={StationError: _station_error, ClientDisconnect: _gone})
+    app = Starlette(routes=routes, exception_handlers=ERRORS)
     app.state.face = face
     return app
 
@@ -192,17 +191,6 @@ def gather(face: PlantFace) -> CollectorRegistry:
         gauges["silent_seconds"].labels(s.station).set((now_ns - s.last_ns) / 1e9)
         gauges["quarantined"].labels(s.station).set(s.open_quarantine)
     return registry
-
-
-async def _station_error(_: Request, exc: Exception) -> Response:
-    """The station tries again: nothing that came is lost, it is still in its log."""
-    assert isinstance(exc, StationError)
-    return JSONResponse({"error": exc.sentence}, 503, {"retry-after": "5"})
-
-
-async def _gone(_: Request, exc: Exception) -> Response:  # noqa: ARG001 - of starlette's form
-    """Nobody hears it: the connection ended within a portion."""
-    return Response(status_code=400)
 
 
 def _log_id(request: Request) -> str:

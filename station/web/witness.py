@@ -9,12 +9,24 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from station.domain.records.tree_head import TreeHead
+from station.errors import StationError
 from station.files.json_text import parse_json
 from station.service.witness import Refusal, Replacement, Witness
+from station.web.connections import GONE
 
 #: A proof over 2⁶⁴ records is shorter.
 _MOST_BYTES, _MOST_STEPS = 65_536, 128
 _LONGEST_END = 200
+
+
+async def _not_now(_: Request, exc: Exception) -> Response:
+    """The station tries again: nothing that came is lost, it is still in its log."""
+    assert isinstance(exc, StationError)
+    return JSONResponse({"error": exc.sentence}, 503, {"retry-after": "5"})
+
+
+#: What an application that stations talk to answers where it cannot do its work.
+ERRORS = {StationError: _not_now, **GONE}
 
 
 def create_witness_app(witness: Witness) -> Starlette:
@@ -34,7 +46,9 @@ def create_witness_app(witness: Witness) -> Starlette:
             return JSONResponse({"refused": str(answer)}, 409)
         return JSONResponse({"at_ns": answer.at_ns, "signature": answer.signature.hex()})
 
-    return Starlette(routes=[Route("/heads/{station}", newest), Route("/heads", submit, methods=["POST"])])
+    return Starlette(
+        routes=[Route("/heads/{station}", newest), Route("/heads", submit, methods=["POST"])], exception_handlers=ERRORS
+    )
 
 
 async def _body(request: Request) -> bytes:
