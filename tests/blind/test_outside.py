@@ -11,6 +11,7 @@ from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.data.faults import inspect
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.diagnosis_document import document
+from station.diagnosis.search.alarm import TAIL_START
 from station.diagnosis.search.candidate_banks import all_candidates
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.form_check import compare_laws
@@ -94,6 +95,22 @@ def test_what_fades_is_no_certain_hysteresis_at_six_faces() -> None:
     table, _ = hide(faces, OUTSIDE["hysteresis that fades"][1], 60 + SEED, d=24.0)
     found = searched(faces, table)
     assert all(f.words or f.doubts or f.set_probability < SURE for f in found.findings)
+
+
+def test_what_swings_at_six_faces_is_seen_in_time_and_no_kernel_outruns_chance() -> None:
+    """A kernel of as many columns as a run has visits follows anything: its evidence in null sets was rounding."""
+    faces = six_faces("listed", "reversed", "shuffled", "reversed")
+
+    def swinging(w: World, rng: np.random.Generator) -> Array:
+        at = 2 * np.pi * w.t / w.t.max() + 2.4 * (w.run + 4 * w.unit)
+        return np.sin(at)
+
+    table, _ = hide(faces, per_unit(3e-4, swinging), 50 + SEED, d=30.0)
+    found = searched(faces, table)
+    assert "time" in found.words
+    assert found.null is not None
+    # A likelihood ratio is beyond x nats by chance at most once in eˣ; nats more for σ, which is taken at its best.
+    assert max(q[-1] for q in found.null.quantiles.values()) < -np.log(1 - TAIL_START) + 0.5
 
 
 def test_one_cause_of_many_numbers_is_not_sure_where_two_of_few_say_as_much() -> None:

@@ -214,7 +214,7 @@ def _candidate_fits(
     if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = np.linalg.eigh(normal)
-    visible = visible_directions(m, GROUP_AXES[kind.pattern])
+    visible = _leaves_something(visible_directions(m, GROUP_AXES[kind.pattern]), kind.pattern, space)
     E = E * visible[..., None, :]
     turn = E.swapaxes(-1, -2)
     most = np.array([bank.candidates[i].most for i in kind.which])
@@ -227,6 +227,16 @@ def _candidate_fits(
     for i, which in enumerate(kind.which):
         axes = None if drawn is None else drawn.axes(bank, which, E[i])
         yield CandidateFit(retained.of(i), u[i], likelihood[i, 0], float(evidence[i]), axes)
+
+
+def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, space: ResidualSpace) -> NDArray[np.bool_]:
+    """The directions (b, …, K) that can be seen, none of a candidate that has as many of them as there are numbers:
+    it follows any readings, nothing is left to measure it by, and rounding would be its evidence."""
+    if pattern == "scan":
+        return visible
+    axes = tuple(range(-1 - GROUP_AXES[pattern], 0))
+    count = np.count_nonzero(visible, axis=axes, keepdims=True) * (space.copies if pattern == "own" else 1)
+    return np.asarray(visible & (count < space.dof))
 
 
 def _turned(columns: Array, E: Floats) -> Array:
