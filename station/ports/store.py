@@ -112,8 +112,8 @@ class LogHead:
 
 @dataclass(frozen=True, slots=True)
 class StoredCalibration:
-    """A finished attempt's calibration. fit: JSON of its offset, matrix, budget and residuals, each null where there
-    is none."""
+    """A finished attempt's calibration. fit: JSON of its offset, matrix, budget, residuals and rules, each null where
+    there is none."""
 
     serial: str
     station: str

@@ -8,7 +8,7 @@ import numpy as np
 from station.config.settings import Settings
 from station.domain.line_quality import history
 from station.domain.line_quality.history import NEWEST, NOTHING, History, PastResult
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, uncertainty
 from station.domain.product.device_map import DeviceMap
 from station.domain.records import stored_attempt
 from station.ports.log_reader import LogReader
@@ -45,7 +45,7 @@ def learnt(
 
 def _result(row: StoredCalibration) -> PastResult | None:
     """None where it came to no calibration, or was made before budgets had parts."""
-    offset, matrix, budget, residuals = json.loads(row.fit)
+    offset, matrix, budget, residuals, rules = json.loads(row.fit)
     if offset is None or not budget or "parts" not in budget[0]:
         return None
     theta = np.array([*offset, *(v for line in matrix for v in line)], float)
@@ -53,5 +53,6 @@ def _result(row: StoredCalibration) -> PastResult | None:
     if not np.isfinite(theta).all() or len(theta) != len(coefficients.NAMES):
         return None
     day = stored_attempt.utc(row.started_ns)[:10]
-    left = (residuals["ratio"], residuals["dof"]) if residuals else None
+    # What a ratio is in units of is the rules' affair.
+    left = (residuals["ratio"], residuals["dof"]) if residuals and rules == uncertainty.RULES else None
     return PastResult(row.serial, f"{row.station}/{row.nest}", day, row.outcome == "PASS", theta, parts, left)

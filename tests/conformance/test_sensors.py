@@ -245,15 +245,17 @@ def test_what_gravity_and_temperature_do_is_listed_as_assumed_unless_stated(rng:
 
 
 def test_scatter_that_nothing_shows_is_listed_as_assumed() -> None:
-    """Where errors of poses are stated, the axis along the stimulus decides, and one visit a pose does not show what
-    else moves it."""
+    """Where errors of poses are stated, the axis along the stimulus decides, and one visit of each of six faces does
+    not show what else moves it. Positions whose magnitude alone leaves readings over do."""
 
-    def hidden(method: str = "n-point", **more: Any) -> bool:
+    def hidden(method: str = "six-point", **more: Any) -> bool:
         recipe = tumble.recipe(method, **more)
         return any(a.key == assumptions.HIDDEN_SCATTER and not a.stated for a in assumptions.listing(recipe))
 
     stated = {"source": "gravity", "magnitude": 1.0, "pose_std_deg": 0.3}
     assert hidden(reference=stated)
+    assert not hidden("n-point", reference=stated)
+    assert not hidden("n-point", model="offset-gain", reference=stated)
     assert not hidden(reference=stated, runs=[{}, {}])
     assert not hidden(reference=stated | {"pose_std_deg": 0})
     assert not hidden(reference={"source": "gravity", "magnitude": 1.0})

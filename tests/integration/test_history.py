@@ -8,7 +8,7 @@ import pytest
 
 from station.adapters.store.reader import SqliteLogReader
 from station.cli.app import main
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, uncertainty
 from station.domain.records import stored_attempt
 from station.domain.run.progress import Event, LoadStarted
 from station.ports.log_reader import Query
@@ -33,7 +33,7 @@ def past(bench: Bench, serial: str, number: int, rng: np.random.Generator) -> No
     theta = coefficients.NOMINAL + SCATTER * rng.standard_normal(12)
     budget = [{"coefficient": n, "parts": {"noise": 1e-5}} for n in coefficients.NAMES]
     fit: dict[str, Any] = {"offset": theta[:3].tolist(), "matrix": theta[3:].reshape(3, 3).tolist(), "budget": budget}
-    fit["residuals"] = {"ratio": rng.chisquare(6) / 6, "dof": 6.0}
+    fit |= {"residuals": {"ratio": rng.chisquare(6) / 6, "dof": 6.0}, "rules": uncertainty.RULES}
     store.result(attempt, "calibration", fit)
     store.finish(attempt, "PASS", bench.station.clock.epoch_ns())
 

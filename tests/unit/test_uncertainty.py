@@ -9,6 +9,7 @@ import pytest
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.domain.evaluation import pipeline
+from station.domain.methods import contributions
 from station.messages import render
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
@@ -31,9 +32,11 @@ def test_parts_add_up_in_squares() -> None:
 
 
 def test_position_error_of_one_point_goes_across_into_the_offset() -> None:
-    """0.1° of tilt moves 1.745 mg onto each level axis, only its square, 3 µg, onto the upright one."""
+    """0.1° of tilt moves 1.745 mg onto each level axis, only its square, 3 µg in the mean, onto the upright one; 95 %
+    of that lies below ln 20 times the mean."""
     found = budget("one-point", reference=RIG | {"pose_std_deg": 0.1})
-    assert found.std("position")[:3] == pytest.approx([np.deg2rad(0.1), np.deg2rad(0.1), 0.0], abs=4e-6)
+    across, along = np.deg2rad(0.1), np.deg2rad(0.1) ** 2 * np.log(20) / 1.96
+    assert found.std("position")[:3] == pytest.approx([across, across, along], rel=1e-4)
 
 
 def test_gravity_at_a_site_is_uncertain_by_local_anomalies() -> None:
@@ -92,6 +95,36 @@ def test_pose_errors_are_covered_whether_declared_or_not(rng: np.random.Generato
     error = np.array([coefficients(r) for r in found]) - theta
     wide = np.array([r.budget.expanded() for r in found if r.budget is not None])
     assert 0.92 < (np.abs(error) < wide).mean() < 0.985
+
+
+@pytest.mark.parametrize("scatter", [0.0, 5e-4])
+def test_scatter_far_below_stated_pose_errors_is_seen_along_the_stimulus(
+    rng: np.random.Generator, scatter: float
+) -> None:
+    """Poses off by 0.3° as stated hide scatter of ten times the noise from χ², but not where a pose moves nothing."""
+    recipe = tumble.recipe("n-point", reference=RIG | {"pose_std_deg": 0.3})
+    theta = tumble.units(rng, 120)
+    true = turned(tumble.truths(recipe), np.deg2rad(0.3), rng, len(theta))
+    readings = tumble.readings(theta, true)
+    readings += scatter * rng.standard_normal(readings.shape)
+    found = list(pipeline.calibrate(recipe, tumble.table(recipe, readings, 3e-4, 40, rng), TODAY))
+    error = np.array([coefficients(r) for r in found]) - theta
+    wide = np.array([r.budget.expanded() for r in found if r.budget is not None])
+    offsets_and_gains = [0, 1, 2, 3, 7, 11]
+    # 720 of .95, those of a unit not independent: three standard deviations of a third as many.
+    assert 0.91 < (np.abs(error) < wide)[:, offsets_and_gains].mean() < 0.99
+    assert np.median(wide[:, offsets_and_gains]) < 3 * np.hypot(scatter, 3e-4 / 40**0.5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6, 40])
+def test_shortening_by_poses_is_covered_although_it_has_one_sign(rng: np.random.Generator, count: int) -> None:
+    """A pose off by δ about each of two axes shortens by an exponential variable of mean δ²."""
+    short = np.full((1, 12, count), -1e-6)
+    std = np.hypot(1e-6 * count**0.5, contributions.shortening(short)[0, 0])
+    error = 1e-6 * rng.exponential(size=(4000, count)).sum(axis=1)
+    # 4000 draws of .95: three standard deviations are .010.
+    assert (error < 1.96 * std).mean() == pytest.approx(0.95, abs=0.011)
+    assert contributions.shortening(np.array([[[1e-6, -1e-6]]]))[0, 0] == 0
 
 
 def turned(true: Floats, std_rad: float, rng: np.random.Generator, count: int) -> Floats:

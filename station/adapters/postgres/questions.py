@@ -235,7 +235,7 @@ def query_calibrations(db: psycopg.Connection, recipe_hash: str, newest: int) ->
             software,
             started_ns,
             outcome,
-            json.dumps([document.get(k) for k in ("offset", "matrix", "budget", "residuals")]),
+            json.dumps([document.get(k) for k in ("offset", "matrix", "budget", "residuals", "rules")]),
         )
         for serial, station, nest, software, started_ns, outcome, document in rows
     ]

@@ -29,7 +29,7 @@ _DWELLS = """
 
 _CALIBRATIONS = """
     SELECT a.serial, a.station, a.nest, a.software, a.started_ns, f.outcome,
-        json_extract(c.document, '$.offset', '$.matrix', '$.budget', '$.residuals')
+        json_extract(c.document, '$.offset', '$.matrix', '$.budget', '$.residuals', '$.rules')
     FROM (SELECT * FROM attempt WHERE recipe_hash = ? ORDER BY started_ns DESC LIMIT ?) a
     CROSS JOIN finish f ON f.attempt = a.seq
     CROSS JOIN result c ON c.seq BETWEEN a.seq AND f.seq AND +c.attempt = a.seq AND +c.name = 'calibration'

@@ -7,15 +7,16 @@ does not average out.
 from functools import lru_cache
 
 import numpy as np
+import scipy
 
 from station.domain.core.types import Floats, ReducedVisits
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, coverage
 from station.domain.methods.method import Fit, FitProblem, same_at_all_visits
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 
-#: The mean shortening by poses is known as well as their std: 1.96 of this share of it holds it with some room.
-SHORTENING = 0.6
+#: Fewer shortenings than this, lengths and signs considered, have cancelled each other.
+ONE_SIDED = 0.1
 #: Equal codes of so many visits of an axis are hardly chance; of two they are as likely chance as one reading.
 EQUAL_CODES = 3
 #: Half a step that is there or not: 1.96 of this share of the step hold it beside the rounding itself.
@@ -103,9 +104,21 @@ def position(problem: FitProblem, fit: Fit, std_rad: Floats) -> Floats:
     if fit.tilt is None and problem.turned is None:
         along = np.einsum("uivk,uavk->uiav", fit.jacobian, problem.true[:, None] @ matrix.transpose(0, 1, 3, 2))
         short = by_pose(problem, along) * std_rad[:, None, None] ** 2
-        common = SHORTENING * short.sum(axis=2, keepdims=True)
+        common = shortening(short)[:, :, None]
         total = total + short @ short.transpose(0, 2, 1) + common @ common.transpose(0, 2, 1)
     return np.asarray(total)
+
+
+def shortening(short: Floats) -> Floats:
+    """What coefficients (u, 12) are given beside the scatter of shortenings (u, 12, poses), which never lengthen.
+
+    A sum of n alike has a gamma distribution with mean and variance n: ± 1.96 u is to hold its 95 % quantile.
+    """
+    total, variance = short.sum(axis=2), (short**2).sum(axis=2)
+    n = total**2 / np.where(variance > 0, variance, 1.0)
+    held = scipy.special.gammaincinv(np.maximum(n, ONE_SIDED), coverage.PROBABILITY) / coverage.NORMAL
+    beside = np.maximum(held**2 / np.maximum(n, ONE_SIDED) - 1, 0.0)
+    return np.asarray(np.sqrt(beside * variance) * (n > ONE_SIDED))
 
 
 def quantisation(problem: FitProblem, fit: Fit) -> Floats:

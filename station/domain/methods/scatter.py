@@ -30,7 +30,11 @@ CONVERGED = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LackOfFit:
-    """Squared misfits (u, n) of pose means and of visits about them, their variances (u, n), degrees of freedom (u)."""
+    """Squared misfits (u, n) of pose means and of visits about them, their variances (u, n), degrees of freedom (u).
+
+    Of the pose means also the misfits (u, n) themselves, their variances (u, n) without errors of poses, and whether
+    any visit of the pose counts (u, n).
+    """
 
     between: Floats
     of_between: Floats
@@ -38,6 +42,9 @@ class LackOfFit:
     within: Floats
     of_within: Floats
     dof_within: Floats
+    mean: Floats
+    of_mean: Floats
+    observed: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +128,9 @@ def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
         within=(about**2).reshape(u, -1),
         of_within=noise.reshape(u, -1),
         dof_within=a * (visits - poses).astype(float),
+        mean=mean.reshape(u, -1),
+        of_mean=of_mean.reshape(u, -1),
+        observed=observed.reshape(u, -1),
     )
 
 

@@ -7,19 +7,19 @@ from functools import reduce
 import numpy as np
 
 from station.domain.core.types import Floats, ReducedVisits
-from station.domain.methods import coefficients, contributions, coverage, residual_scatter, scatter, tilt
+from station.domain.methods import coefficients, contributions, coverage, residual_scatter, scatter, stated_poses, tilt
 from station.domain.methods.method import Fit, FitProblem
+from station.domain.methods.scatter import LackOfFit
 from station.domain.noise import noise
 from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
-from station.domain.recipe.reference_block import ResidualHistory
 
 #: The budget line for what visits differ by beyond noise and declared pose errors (station.domain.methods.scatter).
 SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 6
+RULES = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +91,7 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     """The budget of each unit. visits: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     u = len(fit.theta)
-    visit, pose = _scatter(problem, fit, recipe.residuals)
+    scattered, residuals = _scatter(recipe, problem, fit)
     pose_std, pose_dof = _pose_std(recipe, problem, fit)
     parts = {
         "noise": contributions.noise(fit, _plain_noise(problem)),
@@ -104,14 +104,14 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
         "runs": contributions.turn_on(recipe, fit, visits),
         "reproducibility": contributions.reproducibility(recipe, fit),
         "rounding": np.broadcast_to(np.diag(np.where(fit.free, rounding, 0.0) ** 2), (u, 12, 12)),
-        SCATTER: visit.covariance + pose.covariance,
+        SCATTER: reduce(np.add, (one.covariance for one in scattered)),
     }
     # A coefficient that the method takes for granted has no uncertainty of its own: its error is in the others.
     if not fit.free.all():
         parts = {cause: part * fit.free[:, None] * fit.free for cause, part in parts.items()}
     total = reduce(np.add, parts.values())
     total = (total + total.transpose(0, 2, 1)) / 2
-    dofs = {"noise": _dof_of_noise(problem), SCATTER: _together(visit, pose), "position": pose_dof}
+    dofs = {"noise": _dof_of_noise(problem), SCATTER: _together(scattered), "position": pose_dof}
     if recipe.reproducibility is not None:
         dofs["reproducibility"] = np.full((u, 12), recipe.reproducibility.dof)
     dof = coverage.effective_dof(_variances(total), [(_variances(parts[c]), own) for c, own in dofs.items()])
@@ -123,7 +123,7 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
             dof[i],
             float(spread[i]),
             {c: d[i] for c, d in dofs.items()},
-            (float(pose.ratio[i]), float(max(pose.residual_dof[i], 0.0))),
+            (float(residuals[0][i]), float(max(residuals[1][i], 0.0))),
         )
         for i in range(u)
     ]
@@ -131,31 +131,53 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scatter:
-    """Covariance (u, 12, 12) of scatter at one level, and degrees of freedom (u); χ²/ν and ν of its residuals (u)."""
+    """Covariance (u, 12, 12) of one kind of scatter, and its degrees of freedom (u)."""
 
     covariance: Floats
     dof: Floats
-    ratio: Floats
-    residual_dof: Floats
 
 
-def _scatter(problem: FitProblem, fit: Fit, earlier: ResidualHistory | None) -> tuple[_Scatter, _Scatter]:
-    """Scatter of visits of one pose, and of poses, for which residuals of earlier units are heard, too."""
+def _scatter(recipe: Recipe, problem: FitProblem, fit: Fit) -> tuple[list[_Scatter], tuple[Floats, Floats]]:
+    """Scatter of visits of one pose, and of poses, for which residuals of earlier units are heard, too; χ²/ν and ν (u)
+    of the latter's residuals."""
     u, _, v, _ = fit.jacobian.shape
     found = scatter.lack_of_fit(replace(problem, scatter_visit=np.zeros(u)), fit)
     ratio, noise_variance = _ratio(problem.scatter_visit, found.within, found.of_within, found.dof_within)
     over, dof = residual_scatter.excess(ratio, found.dof_within)
     visit = over * noise_variance
     own = fit.jacobian.reshape(u, 12, 3 * v)
-    of_visits = _Scatter(visit[:, None, None] * (own @ own.transpose(0, 2, 1)), dof, ratio, found.dof_within)
+    of_visits = _Scatter(visit[:, None, None] * (own @ own.transpose(0, 2, 1)), dof)
     found = scatter.lack_of_fit(replace(problem, scatter_visit=visit), fit)
-    ratio, noise_variance = _ratio(problem.scatter_pose, found.between, found.of_between, found.dof_between)
+    earlier = recipe.residuals
     usual = residual_scatter.NOTHING_KNOWN if earlier is None else (earlier.ratio, earlier.dof)
+    if stated_poses.apply(recipe, problem, fit):
+        of_poses, residuals = _beside_stated_poses(problem, fit, found, usual)
+        return [of_visits, *of_poses], residuals
+    ratio, noise_variance = _ratio(problem.scatter_pose, found.between, found.of_between, found.dof_between)
     over, dof = residual_scatter.excess(ratio, found.dof_between, usual)
-    shape = np.sqrt(_pose_shape(problem, fit))
-    shared = contributions.by_pose(problem, (fit.jacobian * shape[:, None]).transpose(0, 1, 3, 2))
-    covariance = (over * noise_variance)[:, None, None] * (shared @ shared.transpose(0, 2, 1))
-    return of_visits, _Scatter(covariance, dof, ratio, found.dof_between)
+    variance = (over * noise_variance)[:, None, None] * _pose_shape(problem, fit)
+    return [of_visits, _Scatter(_of_poses(problem, fit, variance), dof)], (ratio, found.dof_between)
+
+
+def _beside_stated_poses(
+    problem: FitProblem, fit: Fit, found: LackOfFit, usual: tuple[float, float]
+) -> tuple[list[_Scatter], tuple[Floats, Floats]]:
+    """Of scatter alike on all readings and errors of poses beyond the stated ones, each reading gets the larger."""
+    alike, poses = stated_poses.components(problem, fit, found, usual)
+    over, dof = residual_scatter.excess(alike.ratio, alike.dof, usual)
+    more, dof_of_more = residual_scatter.excess(poses.ratio, poses.dof)
+    a, b = over[:, None, None] * alike.unit, more[:, None, None] * poses.unit
+    return [
+        _Scatter(_of_poses(problem, fit, np.where(a >= b, a, 0.0)), dof),
+        _Scatter(_of_poses(problem, fit, np.where(a < b, b, 0.0)), dof_of_more),
+    ], (alike.ratio, alike.dof)
+
+
+def _of_poses(problem: FitProblem, fit: Fit, variance: Floats) -> Floats:
+    """Covariance (u, 12, 12) from errors of that variance (u, v, 3), one draw for all visits of a pose."""
+    felt = fit.jacobian * np.sqrt(variance)[:, None]
+    shared = contributions.by_pose(problem, felt.transpose(0, 1, 3, 2))
+    return np.asarray(shared @ shared.transpose(0, 2, 1))
 
 
 def _ratio(clear: Floats, square: Floats, variance: Floats, dof: Floats) -> tuple[Floats, Floats]:
@@ -222,10 +244,10 @@ def _dof_of_noise(problem: FitProblem) -> Floats:
     return np.concatenate([axis, np.repeat(axis, 3, axis=1)], axis=1)
 
 
-def _together(visit: _Scatter, pose: _Scatter) -> Floats:
-    """Degrees of freedom (u, 12) of the sum of both."""
-    a, b = _variances(visit.covariance), _variances(pose.covariance)
-    return coverage.effective_dof(a + b, [(a, visit.dof[:, None]), (b, pose.dof[:, None])])
+def _together(scattered: Sequence[_Scatter]) -> Floats:
+    """Degrees of freedom (u, 12) of the sum of all."""
+    parts = [(_variances(one.covariance), one.dof[:, None]) for one in scattered]
+    return coverage.effective_dof(reduce(np.add, (variance for variance, _ in parts)), parts)
 
 
 def _variances(covariance: Floats) -> Floats:

@@ -149,11 +149,16 @@ def thermometer(recipe: Recipe) -> Assumption:
 
 
 def _hides_scatter(recipe: Recipe) -> bool:
-    """Whether scatter along the stimulus shows nowhere: errors of poses are stated, so that the few readings that do
-    not feel them decide alone, and each pose is visited once."""
+    """Whether scatter along the stimulus shows nowhere: errors of poses are stated, so that readings which do not feel
+    them decide alone, each pose is visited once, and coefficients take all that those readings say."""
     seatings = [run.seating for run in recipe.runs]
-    weighted = recipe.pose_known and recipe.method != "norm" and recipe.reference.source != "gold"
-    return weighted and bool(recipe.reference.pose_std_deg) and len(set(seatings)) == len(seatings)
+    felt = recipe.pose_known and recipe.method != "norm" and recipe.reference.source != "gold" and not recipe.converts
+    if not felt or not recipe.reference.pose_std_deg or len(set(seatings)) < len(seatings):
+        return False
+    true = np.array([recipe.true_vector(p, seating) for seating in seatings for p in recipe.positions])
+    pairs = [(i, i) for i in range(3)] + ([(0, 1), (0, 2), (1, 2)] if recipe.model == "matrix" else [])
+    along = np.column_stack([true, *(true[:, i] * true[:, j] for i, j in pairs)])
+    return len(true) - int(np.linalg.matrix_rank(along)) < MIN_RESIDUAL_DOF
 
 
 def _magnitude(recipe: Recipe) -> Assumption:
