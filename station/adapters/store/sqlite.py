@@ -4,12 +4,11 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from station.adapters.store import anchor, archive, column_values, file, ids, keys, line_records, reduced, unfinished
@@ -27,12 +26,12 @@ from station.adapters.store.log_anchors import (
     known_places,
     last_witnessed,
 )
+from station.adapters.store.record_writer import RecordWriter
 from station.adapters.store.schema import COLUMNS
-from station.adapters.store.sqlite_errors import Doing, translate_errors
-from station.domain.records import chain, plain_json
-from station.domain.records.chain import Value
+from station.adapters.store.sqlite_errors import translate_errors
+from station.domain.records import plain_json
 from station.domain.records.framepack import plain as raw
-from station.domain.records.head import AnchorFinding, SealedHead
+from station.domain.records.head import AnchorFinding
 from station.domain.records.key_schedule import rotation_statement
 from station.domain.records.merkle import Tree
 from station.domain.records.tree_head import WITNESSED_EVENT
@@ -49,12 +48,6 @@ from station.ports.store import (
     VisitRecord,
     WriteRecord,
 )
-
-_INSERT = {
-    table: f"INSERT INTO {table} (seq, previous, hash, signature, {', '.join(columns)}) "
-    f"VALUES (?, ?, ?, ?{', ?' * len(columns)})"
-    for table, columns in COLUMNS.items()
-}
 
 
 class SqliteStore:
@@ -81,9 +74,7 @@ class SqliteStore:
         brief: bool = False,
     ) -> None:
         self.path = path = path.resolve()  # one log, one owner, by whatever link it is reached
-        self._epoch_ns, self._signer, self._station = epoch_ns, signer, owner
-        self._turn = Lock()
-        self._signature = b""
+        self._epoch_ns, self._signer = epoch_ns, signer
         self._open: dict[str, int] = {}
         with ExitStack() as opened, translate_errors(StoreFault, path, "opened"):
             if not path.name:
@@ -95,15 +86,13 @@ class SqliteStore:
             self._db = file.open_for_writing(path, busy_s)
             opened.callback(self._db.close)
             inode.callback(os.close, file.own_inode(path))
-            self._data_version, self._files = self._read_data_version(), file.identity(path)
-            self._log_id = str(self._db.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0])
             self._head_file = anchor.HeadFile(path)
             self._anchors = LogAnchors((self._head_file, *anchors, *([witness] if witness else ())))
             self._witness, self._tree = witness, Tree(partial(file.seals, self._db))
             self._witnessed, self._replaces = last_witnessed(self._db), ""
-            self._number, self._hash = file.newest(self._db, self._log_id)
-            self._signature = file.signature_of(self._db, self._number)
-            found = self._anchors.check(self._db, self._log_id)
+            keep = partial(self._anchors.keep, durable=False)
+            self._records = RecordWriter(path, self._db, owner, signer, epoch_ns, keep)
+            found = self._anchors.check(self._db, self._records.log_id)
             found += [*keys.check_signer(self._db, signer, old_signer), *check_clock(self._db, epoch_ns())]
             if found and acknowledgement is None:
                 raise _refusal(path, found)
@@ -111,12 +100,12 @@ class SqliteStore:
             opened.callback(self._head_file.close)
             self._opened = opened.pop_all()
         if found and acknowledgement:  # before any head is written over: they are the evidence
-            with self._transaction("written"):
+            with self._records.transaction():
                 self._name_key(old_signer)
-                self._station_event(ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
+                self._records.event(None, ACKNOWLEDGED_EVENT, detail_of(acknowledgement, found))
             self._replaces = self._anchors.end_known_to(witness)
         self._keep_head(durable=True)
-        with self._transaction("written"):
+        with self._records.transaction():
             self._name_key(old_signer)
         self._name_places()
         if (behind_s := clock_step_s(self._db, epoch_ns())) > NOTED_CLOCK_BACK_S:
@@ -135,38 +124,37 @@ class SqliteStore:
         if fault := self._anchors.faults.get(self._head_file.name):
             raise StoreFault("head-file-not-written", path=str(self.path), reason=fault)
         attempt = ids.uuid7(self._epoch_ns())
-        with self._transaction("written"):
+        with self._records.transaction():
             recipe = self._document("recipe", begin.recipe_json)
             product = self._document("product", begin.product_json)
             self._document("config", begin.config_json)
             columns = column_values.columns(begin, attempt, recipe, product)
-            number = self._append("attempt", *(columns[name] for name in COLUMNS["attempt"]))
-            self._note_head()
+            number = self._records.append("attempt", *(columns[name] for name in COLUMNS["attempt"]))
+            self._records.note_head()
         self._open[attempt] = number
         return attempt
 
     def event(self, attempt: str, kind: str, detail: Mapping[str, Any]) -> None:
         """Appends an event, which may still come after the finish; attempt "": it is about the station."""
-        with self._transaction("written"):
+        with self._records.transaction():
             of = self._of(attempt) if attempt else None
-            self._append("event", of, self._epoch_ns(), plain_json.text(kind), plain_json.document(detail))
+            self._records.event(of, kind, detail)
 
     def visit(self, attempts: Sequence[str], visits: Sequence[VisitRecord]) -> None:
         """Keeps one visit of every nest, in one transaction."""
         packed = [v.encoded or raw.to_plain(v.frames) for v in visits]
         rows = [column_values.visit(v, plain) for v, plain in zip(visits, packed, strict=True)]
-        with self._transaction("written"):
-            numbers = self._append_all(
-                "visit", [(self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
-            )
+        with self._records.transaction():
+            visits_of = [(self._running(a), *row) for a, row in zip(attempts, rows, strict=True)]
+            numbers = self._records.append_all("visit", visits_of)
             frames = [(number, one.data) for number, one in zip(numbers, packed, strict=True)]
-            self._insert("frames", "INSERT INTO frames VALUES (?, ?)", frames)
+            self._records.insert("frames", "INSERT INTO frames VALUES (?, ?)", frames)
 
     def write(self, attempt: str, *stages: WriteRecord) -> None:
         """Keeps stages of object writes: the intent before, the fact after, and with it the intent of the next."""
-        with self._transaction("written"):
+        with self._records.transaction():
             for one in stages:
-                self._append(
+                self._records.append(
                     "write",
                     *(self._running(attempt), self._epoch_ns(), one.index, one.sub, plain_json.text(one.name)),
                     *(one.stage, plain_json.number(one.value), one.old, one.written, one.read_back),
@@ -174,8 +162,8 @@ class SqliteStore:
 
     def result(self, attempt: str, name: str, document: Mapping[str, Any]) -> None:
         """Keeps a named result."""
-        with self._transaction("written"):
-            self._append(
+        with self._records.transaction():
+            self._records.append(
                 "result",
                 self._running(attempt),
                 self._epoch_ns(),
@@ -185,25 +173,25 @@ class SqliteStore:
 
     def finish(self, attempt: str, outcome: str, ended_ns: int) -> None:
         """Closes the attempt; when this returns, the record is on the disk."""
-        with self._transaction("written"):
-            number = self._append("finish", self._running(attempt), str(outcome), ended_ns)
-            seal = self._hash
-            self._note_head()
+        with self._records.transaction():
+            number = self._records.append("finish", self._running(attempt), str(outcome), ended_ns)
+            seal = self._records.hash
+            self._records.note_head()
         self._read_back(number, seal)
         del self._open[attempt]
         self._keep_head(durable=True)
 
     def _read_back(self, number: int, seal: bytes) -> None:
         """The record stands in the file as it was sealed: nothing is shown as passed on the word of a commit alone."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             row = self._db.execute("SELECT hash FROM finish WHERE seq = ?", (number,)).fetchone()
-        file.check_in_place(self.path, self._files)
+        self._records.check_in_place()
         if row is None or bytes(row[0]) != seal:
             raise StoreFault("log-finish-missing", path=str(self.path), number=number)
 
     def tidy(self) -> None:
         """Packs the raw frames of finished attempts. What fails stays plain, and the next call tries again."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             waiting = archive.unpacked_attempts(self._db)
         for attempt in waiting:
             with suppress(StationError):
@@ -213,44 +201,44 @@ class SqliteStore:
 
     def unfinished(self) -> tuple[UnfinishedAttempt, ...]:
         """Attempts without an end, oldest first; they may be written to and finished like any other."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             open_attempts = unfinished.find_unfinished(self._db)
         self._open.update({u.attempt: number for number, u in open_attempts})
         return tuple(u for _, u in open_attempts)
 
     def suspect(self, serial: str) -> SuspectAttempt | None:
         """The unit's last attempt that may have left it half written."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             return unfinished.find_suspect(self._db, plain_json.text(serial))
 
     def dwells(self, recipe_hash: str, newest: int) -> Sequence[Mapping[str, Any]]:
         """Results `dwell` of the newest attempts with a recipe, oldest first."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             return reduced.dwells(self._db, recipe_hash, newest)
 
     def calibrations(self, recipe_hash: str, newest: int) -> Sequence[StoredCalibration]:
         """Calibrations of the newest attempts with a recipe, oldest first."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             return reduced.read_calibrations(self._db, recipe_hash, newest)
 
     def station_events(self, kind: str, newest: int) -> Sequence[tuple[int, int, Mapping[str, Any]]]:
         """The newest events of the station itself of one kind, oldest first."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             found = line_records.newest_events(self._db, plain_json.text(kind), newest)
         return [(event.number, event.at_ns, json.loads(event.detail)) for event in found]
 
     def outcomes(self, serial: str, nest: str, beyond: int) -> Sequence[str]:
         """Outcomes of the unit's finished attempts in that nest after that record, oldest first."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             return line_records.outcomes(self._db, plain_json.text(serial), plain_json.text(nest), beyond)
 
     def head(self) -> LogHead:
         """The newest record's number and seal."""
-        return LogHead(self._number, self._hash.hex())
+        return LogHead(self._records.number, self._records.hash.hex())
 
     def close(self) -> None:
         """Folds the write-ahead log into the file and gives the log free; twice is harmless."""
-        with self._turn:
+        with self._records.turn():
             self._opened.close()
 
     def __enter__(self) -> "SqliteStore":
@@ -258,64 +246,6 @@ class SqliteStore:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    @contextmanager
-    def _transaction(self, doing: Doing) -> Iterator[None]:
-        with self._turn:
-            before = self._number, self._hash, self._signature
-            with translate_errors(StoreFault, self.path, doing):
-                try:
-                    self._db.execute("BEGIN IMMEDIATE")
-                    self._check_nobody_else_wrote()
-                    yield
-                    self._db.execute("COMMIT")
-                except BaseException:
-                    self._number, self._hash, self._signature = before
-                    self._roll_back()
-                    raise
-            self._write_head(durable=False)
-
-    def _check_nobody_else_wrote(self) -> None:
-        """StoreFault where the log is not where it was, or its newest record not the one that this owner made last."""
-        file.check_in_place(self.path, self._files)
-        if (version := self._read_data_version()) == self._data_version:
-            return
-        if file.newest(self._db, self._log_id) != (self._number, self._hash):
-            raise StoreFault("log-written-by-another", path=str(self.path), number=self._number)
-        self._data_version = version
-
-    def _read_data_version(self) -> int:
-        """Another number after each commit of another connection, and only then (SQLite, PRAGMA data_version)."""
-        return int(self._db.execute("PRAGMA data_version").fetchone()[0])
-
-    def _roll_back(self) -> None:
-        if self._db.in_transaction:
-            self._db.execute("ROLLBACK")
-
-    def _note_head(self) -> None:
-        """Once an attempt, inside its transaction: the log's own note of how far it has come."""
-        self._db.execute("UPDATE head SET number = ?, hash = ?", (self._number, self._hash))
-
-    def _append(self, table: str, *values: Value) -> int:
-        """One sealed record inside the open transaction; its number."""
-        return self._append_all(table, [values])[0]
-
-    def _append_all(self, table: str, records: Sequence[tuple[Value, ...]]) -> range:
-        """Sealed records of one table inside the open transaction; their numbers."""
-        first, sealed = self._number + 1, []
-        for number, values in enumerate(records, first):
-            previous, self._hash = self._hash, chain.link(self._hash, chain.canonical(table, COLUMNS[table], values))
-            signature = self._signer.sign(self._hash) if self._signer else None
-            self._signature = signature or b""
-            sealed.append((number, previous, self._hash, signature, *values))
-        self._insert(table, _INSERT[table], sealed)
-        self._number += len(sealed)
-        return range(first, self._number + 1)
-
-    def _insert(self, table: str, statement: str, rows: Sequence[tuple[Value, ...]]) -> None:
-        """Every row, or StoreFault: a trigger may swallow one without an error (SQLite, RAISE(IGNORE))."""
-        if (count := self._db.executemany(statement, rows).rowcount) != len(rows):
-            raise StoreFault("log-rows-swallowed", path=str(self.path), table=table, kept=count, rows=len(rows))
 
     def _document(self, kind: str, text: str) -> int | None:
         """The record that holds this text, made when it is the first time."""
@@ -325,7 +255,7 @@ class SqliteStore:
         row = self._db.execute("SELECT seq FROM document WHERE sha256 = ?", (key,)).fetchone()
         if row is not None:
             return int(row[0])
-        return self._append("document", key, kind, text)
+        return self._records.append("document", key, kind, text)
 
     def _name_key(self, old: keys.Signer | None) -> None:
         """Inside the open transaction: the log says once, as a record, with what key it is signed from here on."""
@@ -335,22 +265,18 @@ class SqliteStore:
         if named != self._signer.public_key or not keys.signs_heads(self._db):
             detail = {"public_key": self._signer.public_key.hex(), "heads": True}
             if old and named and named != self._signer.public_key:
-                statement = rotation_statement(self._log_id, named, self._signer.public_key)
+                statement = rotation_statement(self._records.log_id, named, self._signer.public_key)
                 detail["by_old"] = old.sign(statement).hex()
-            self._station_event(keys.KEY_EVENT, detail)
-
-    def _station_event(self, kind: str, detail: Mapping[str, Any]) -> None:
-        """An event of the station inside the open transaction."""
-        self._append("event", None, self._epoch_ns(), plain_json.text(kind), plain_json.document(detail))
+            self._records.event(None, keys.KEY_EVENT, detail)
 
     def _archive(self, attempt: int) -> None:
         """Packs an attempt's raw frames into one record, in place of the plain ones."""
-        with self._turn, translate_errors(StoreFault, self.path, "read"):
+        with self._records.turn():
             data = archive.pack_frames(self._db, attempt)
         if data is None:
             return
-        with self._transaction("written"):
-            self._append("archive", attempt, archive.count_visits(self._db, attempt), data)
+        with self._records.transaction():
+            self._records.append("archive", attempt, archive.count_visits(self._db, attempt), data)
             archive.drop_plain(self._db, attempt)
 
     def _of(self, attempt: str) -> int:
@@ -368,13 +294,13 @@ class SqliteStore:
         return self._open[attempt]
 
     def _ended_beyond(self, number: int) -> int:
-        with self._turn:
-            return StoredLogEnd(self._db, self._log_id).finishes_beyond(number)
+        with self._records.turn():
+            return StoredLogEnd(self._db, self._records.log_id).finishes_beyond(number)
 
     def _show_witness(self, witness: WitnessPlace) -> None:
         """In the pause after a load; the receipt becomes a record. A witness that is away is shown more next time."""
-        with self._turn:
-            head = self._present_head()
+        with self._records.turn():
+            head = self._records.head()
         try:
             receipt = witness.submit(head, self._tree, self._replaces)
         except OSError as error:
@@ -385,7 +311,7 @@ class SqliteStore:
         self._anchors.faults.pop(witness.name, None)
         self._replaces = ""
         self.event("", WITNESSED_EVENT, {"place": witness.name} | asdict(receipt))
-        self._witnessed = self._number
+        self._witnessed = self._records.number
 
     def _name_places(self) -> None:
         """The log says, as a record, in what folders its heads are kept: one that is emptied then shows."""
@@ -395,18 +321,11 @@ class SqliteStore:
 
     def _keep_head(self, *, durable: bool) -> None:
         """The record is kept already and a head that lags is still true: a fault stops only the next begin."""
-        with self._turn:
-            failed = self._write_head(durable=durable)
+        with self._records.turn():
+            failed = self._anchors.keep(self._records.head(), durable=durable)
         for place in failed:
             if place != self._head_file.name:
                 self.event("", "anchor-unwritten", {"place": place, "reason": render(self._anchors.faults[place])})
-
-    def _write_head(self, *, durable: bool) -> list[str]:
-        """Inside the turn; the places where that failed for the first time."""
-        return self._anchors.keep(self._present_head(), durable=durable)
-
-    def _present_head(self) -> SealedHead:
-        return SealedHead(self._log_id, self._station, self._number, self._hash.hex(), self._signature.hex())
 
 
 def _refusal(path: Path, found: Sequence[AnchorFinding]) -> StoreFault:
