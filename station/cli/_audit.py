@@ -52,7 +52,7 @@ def run_audit(log: "LogReader", request: AuditRequest, *, as_json: bool) -> int:
     else:
         _audit_text.print_audit(document)
     whole = not document.get("verify", {}).get("findings")
-    same = all(r["identical"] for r in document.get("recompute", ()))
+    same = all(r["agrees"] for r in document.get("recompute", ()))
     return 0 if whole and same else WRONG_DATA_EXIT_CODE
 
 
@@ -129,7 +129,6 @@ def _recompute(log: "LogReader", request: AuditRequest) -> list[dict[str, Any]]:
         task = bar.add_task("computing again", total=len(found))
         done = []
         for attempt in found:
-            result = recompute(log, attempt)
-            done.append({**asdict(result), "identical": result.identical})
+            done.append(recompute(log, attempt).document())
             bar.advance(task)
     return done

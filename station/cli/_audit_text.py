@@ -90,8 +90,11 @@ def _recompute_sentence(one: Document) -> str:
         return f"{name}: nothing to compute again, {one['skipped']}"
     if one["identical"]:
         return f"{name}: all {one['compared']} values come out again, bit for bit"
+    count = f"{len(one['differences'])} of {one['compared']} values"
+    if one["agrees"]:
+        return f"{name}: all values come out again, {count} within rounding ({one['deviation']:.0e}): another processor"
     listed = ", ".join(one["differences"][:5])
-    return f"{name}: {len(one['differences'])} of {one['compared']} values come out differently: {listed}"
+    return f"{name}: {count} come out differently: {listed}"
 
 
 def _show_attempt(number: int, a: Document) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from station.domain.can.sensor_layout import SYNC
 from station.domain.capture import thermometer
+from station.domain.core import arithmetic
 from station.domain.core.types import NestAssignment, Outcome
 from station.domain.evaluation import calibration_document, reduced_visits_document
 from station.domain.line_quality.history import NOTHING
@@ -270,7 +271,8 @@ class Load:
             self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.visits))
         if self._history != NOTHING:
             self._station.store.result(unit.attempt, "history", self._history.document())
-        self._station.store.result(unit.attempt, "calibration", calibration_document.unit(fit))
+        document = calibration_document.unit(fit) | {"arithmetic": arithmetic.fingerprint()}
+        self._station.store.result(unit.attempt, "calibration", document)
         if self._capture is not None and (dwell := self._capture.pace.document(unit.seat.serial)):
             self._station.store.result(unit.attempt, "dwell", dwell)
         yield Judged(unit.seat, fit)

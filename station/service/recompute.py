@@ -1,13 +1,16 @@
 """Calibrates attempts again from the raw frames in the log, by the code that the run itself uses."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture.visit import CapturedVisit
+from station.domain.core import arithmetic
 from station.domain.core.types import Frames, NestAssignment
 from station.domain.evaluation import calibration_document
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -24,18 +27,27 @@ from station.ports.log_reader import Attempt, LogReader
 from station.service import compute
 
 #: Parts of a calibration that are words about its numbers: a later version may say them otherwise.
-_WORDS = frozenset({"reasons", "messages", "checks", "notes", "note_messages", "rule"})
+_WORDS = frozenset({"reasons", "messages", "checks", "notes", "note_messages", "rule", "arithmetic"})
 
 #: What the rules of the budget decide: those of another edition give another uncertainty, and may give another verdict.
 _BY_RULES = frozenset(
     {"covariance", "budget", "false_accept", "false_reject", "outcome", "rules", "residuals", "decisions"}
 )
 
+#: Largest deviation that the arithmetic of another processor explains, in units of the largest value of the same name.
+#: Linear algebra sums in the order that suits a processor; the solvers amplify the last bit to 1e-10 at most.
+ROUNDING = 1e-9
+
+
+_PLACE = re.compile(r"\[\d+\]")
+
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
     """What came out. compared: how many values of the stored calibration, those without its budget where that was made
-    by rules of another edition (docs/decisions/0038-uncertainty.md); differences: those not the same bits.
+    by rules of another edition (docs/decisions/0038-uncertainty.md); differences: those not the same bits; deviation:
+    the largest of them in units of the largest value of the same name, None where they differ in more than numbers;
+    same_arithmetic: whether the record says that it was made by an arithmetic such as this computer's.
 
     skipped: why there was nothing to compare, or ''.
     """
@@ -45,11 +57,24 @@ class Recomputed:
     compared: int
     differences: tuple[str, ...]
     skipped: str = ""
+    deviation: float | None = 0.0
+    same_arithmetic: bool = False
 
     @property
     def identical(self) -> bool:
         """Whether every value is bit for bit the stored one."""
         return not self.differences
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing differs by more than the rounding of another processor, where it was another's."""
+        if self.same_arithmetic:
+            return self.identical
+        return self.deviation is not None and self.deviation <= ROUNDING
+
+    def document(self) -> dict[str, Any]:
+        """As `audit --recompute --json` prints it."""
+        return asdict(self) | {"identical": self.identical, "agrees": self.agrees}
 
 
 def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
@@ -66,8 +91,26 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     before, after = ({k: v for k, v in document.items() if k not in leave} for document in (stored, again))
     before, after = dict(_leaves("", before)), dict(_leaves("", after))
     names = {**before, **after}
-    different = tuple(name for name in names if before.get(name, ...) != after.get(name, ...))
-    return Recomputed(attempt.attempt, attempt.serial, len(names), different)
+    different = tuple(name for name in names if _bits(before.get(name, ...)) != _bits(after.get(name, ...)))
+    deviation = _deviation(before, after, different)
+    same = stored.get("arithmetic") == arithmetic.fingerprint()
+    return Recomputed(attempt.attempt, attempt.serial, len(names), different, "", deviation, same)
+
+
+def _deviation(before: Mapping[str, Any], after: Mapping[str, Any], names: Iterable[str]) -> float | None:
+    """The largest difference in units of the largest value of its name, whatever place in a list it has."""
+    numbers = {name: value for name, value in before.items() if isinstance(value, float)}
+    largest = dict[str, float]()
+    for name, value in numbers.items():
+        kind = _PLACE.sub("", name)
+        largest[kind] = max(largest.get(kind, 0.0), abs(value))
+    worst = 0.0
+    for name in names:
+        if name not in numbers or not isinstance(after.get(name), float):
+            return None
+        scale = largest[_PLACE.sub("", name)]
+        worst = max(worst, abs(numbers[name] - after[name]) / scale if scale else math.inf)
+    return worst if math.isfinite(worst) else None
 
 
 @lru_cache(maxsize=16)
@@ -123,10 +166,14 @@ def _stored_visit(row: Mapping[str, Any], frames: Frames) -> CapturedVisit:
     )
 
 
+def _bits(value: Any) -> Any:
+    return value.hex() if isinstance(value, float) else (type(value), value)
+
+
 def _leaves(name: str, value: Any) -> list[tuple[str, Any]]:
-    """Every number and text of a document with its path, floats by their bits."""
+    """Every number and text of a document with its path."""
     if isinstance(value, Mapping):
         return [leaf for key, part in value.items() for leaf in _leaves(f"{name}.{key}".lstrip("."), part)]
     if isinstance(value, list):
         return [leaf for i, part in enumerate(value) for leaf in _leaves(f"{name}[{i}]", part)]
-    return [(name, value.hex() if isinstance(value, float) else value)]
+    return [(name, value)]

@@ -171,7 +171,7 @@ def _recompute(panel: Panel, serial: str, attempt: str) -> dict[str, Any]:
 
     with panel.log() as log:
         done = again(log, _attempt(log, serial, attempt))
-    return {**asdict(done), "identical": done.identical}
+    return done.document()
 
 
 ROUTES = [

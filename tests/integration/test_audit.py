@@ -3,6 +3,7 @@
 import csv
 import json
 import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -63,20 +64,47 @@ def test_calibrations_come_out_again_bit_for_bit(db: Path, capsys: Out) -> None:
     assert all(r["identical"] and r["compared"] > 200 for r in again)
 
 
-def test_one_changed_bit_of_a_stored_coefficient_is_told(db: Path, tmp_path: Path, capsys: Out) -> None:
-    copy = tmp_path / "station.db"
+def edited_calibration(db: Path, copy: Path, edit: Callable[[dict[str, Any]], object]) -> int:
+    """A copy of the log whose first calibration was edited; the record's number."""
     with sqlite3.connect(db) as source, sqlite3.connect(copy) as target:
         source.backup(target)
     with logs.unguarded(copy) as edited:
         number, text = edited.execute("SELECT seq, document FROM result WHERE name = 'calibration'").fetchone()
         document = json.loads(text)
-        document["matrix"][1][2] = float(np.nextafter(document["matrix"][1][2], 1))
+        edit(document)
         edited.execute("UPDATE result SET document = ? WHERE seq = ?", (json.dumps(document), number))
+    return int(number)
+
+
+def next_float(document: dict[str, Any]) -> None:
+    document["matrix"][1][2] = float(np.nextafter(document["matrix"][1][2], 1))
+
+
+def test_one_changed_bit_of_a_stored_coefficient_is_told(db: Path, tmp_path: Path, capsys: Out) -> None:
+    copy = tmp_path / "station.db"
+    number = edited_calibration(db, copy, next_float)
     assert station("audit", "SN0001", "--recompute", "--verify", "--db", copy) == 2
     sentences = capsys.readouterr().out
     assert f"edited: result record {number} was edited" in sentences
     assert "1 of" in sentences
     assert "come out differently: matrix[1][2]" in sentences
+
+
+@pytest.mark.parametrize(
+    ("by", "code", "sentence"),
+    [(0.0, 0, "values within rounding"), (1e-7, 2, "come out differently: matrix[1][2]")],
+)
+def test_what_another_processor_computed_may_differ_by_its_rounding(
+    by: float, code: int, sentence: str, db: Path, tmp_path: Path, capsys: Out
+) -> None:
+    def of_another(document: dict[str, Any]) -> None:
+        document["arithmetic"] = "that of another processor"
+        document["matrix"][1][2] += by
+        next_float(document)
+
+    edited_calibration(db, copy := tmp_path / "station.db", of_another)
+    assert station("audit", "SN0001", "--recompute", "--db", copy) == code
+    assert sentence in capsys.readouterr().out
 
 
 def test_containment_is_one_question(db: Path, capsys: Out) -> None:
