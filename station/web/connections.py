@@ -21,6 +21,8 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+ErrorHandlers = Mapping[type[Exception], Callable[[Request, Exception], Awaitable[Response]]]
+
 MOST_CONNECTIONS, MOST_PER_ADDRESS = 4000, 2500
 REQUEST_S, DRAIN_S, GRACE_S, SOONEST = 10.0, 20.0, 2.0, 0.5
 #: So many are let in before those within get their turn again; so many may wait at the door meanwhile.
@@ -47,7 +49,7 @@ async def _gone(_: Request, exc: Exception) -> Response:  # noqa: ARG001 - of st
 
 
 #: What an application answers to a connection that ended within a body.
-GONE: Mapping[type[Exception], Callable[[Request, Exception], Awaitable[Response]]] = {ClientDisconnect: _gone}
+GONE: ErrorHandlers = {ClientDisconnect: _gone}
 
 
 def patience_s(number: int) -> float:

@@ -12,7 +12,7 @@ from station.domain.records.tree_head import TreeHead
 from station.errors import StationError
 from station.files.json_text import parse_json
 from station.service.witness import Refusal, Replacement, Witness
-from station.web.connections import GONE, GuardedConnection, allow_connections
+from station.web.connections import GONE, ErrorHandlers, GuardedConnection, allow_connections
 
 #: A proof over 2⁶⁴ records is shorter.
 _MOST_BYTES, _MOST_STEPS = 65_536, 128
@@ -26,7 +26,7 @@ async def _not_now(_: Request, exc: Exception) -> Response:
 
 
 #: What an application that stations talk to answers where it cannot do its work.
-ERRORS = {StationError: _not_now, **GONE}
+ERRORS: ErrorHandlers = {StationError: _not_now, **GONE}
 
 
 def connection_options() -> dict[str, Any]:
