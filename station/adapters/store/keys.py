@@ -4,7 +4,6 @@ Made by `openssl genpkey -algorithm ed25519 -out station.key`; the public half f
 `openssl pkey -in station.key -pubout -out station.pub`.
 """
 
-import json
 import sqlite3
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,6 +13,7 @@ from typing import Any
 
 from station.domain.records import key_schedule
 from station.domain.records.head import AnchorFinding
+from station.domain.records.json_object import json_object
 from station.domain.records.key_schedule import KeyChange, KeySchedule, Revocation
 from station.errors import ConfigError, UsageError
 from station.messages import Message
@@ -114,7 +114,7 @@ def _events(db: sqlite3.Connection, kind: str, key: str) -> list[tuple[int, dict
     query = "SELECT seq, detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq"
     for number, text in db.execute(query, (kind,)):
         with suppress(ValueError, KeyError, TypeError):
-            detail = json.loads(text)
+            detail = json_object(text)
             if len(bytes.fromhex(detail[key])) == 32 and bytes.fromhex(detail.get("by_old", "")) is not None:
                 found.append((number, detail))
     return found
@@ -129,10 +129,9 @@ def _named(db: sqlite3.Connection) -> dict[str, Any]:
     query = "SELECT detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq DESC LIMIT 1"
     row = db.execute(query, (KEY_EVENT,)).fetchone()
     try:
-        detail = json.loads(row[0]) if row else {}
+        return json_object(row[0]) if row else {}
     except ValueError:
         return {}
-    return detail if isinstance(detail, dict) else {}
 
 
 def check_signer(db: sqlite3.Connection, signer: Signer | None, old: Signer | None) -> list[AnchorFinding]:

@@ -9,6 +9,7 @@ from typing import Any
 from station.adapters.store import anchor, file, keys
 from station.adapters.store.anchor import AnchorPlace
 from station.domain.records.head import AnchorFinding, SealedHead
+from station.domain.records.json_object import json_object
 from station.domain.records.tree_head import WITNESSED_EVENT, log_end
 from station.files.system_errors import os_error_reason
 from station.messages import Message
@@ -110,10 +111,9 @@ def _newest_event(connection: sqlite3.Connection, kind: str) -> dict[str, Any] |
     query = "SELECT detail FROM event WHERE attempt IS NULL AND kind = ? ORDER BY seq DESC LIMIT 1"
     row = connection.execute(query, (kind,)).fetchone()
     try:
-        detail = json.loads(row[0]) if row else None
+        return json_object(row[0]) if row else None
     except ValueError:
         return None
-    return detail if isinstance(detail, dict) else None
 
 
 def check_clock(connection: sqlite3.Connection, now_ns: int) -> list[AnchorFinding]:

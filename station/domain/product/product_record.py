@@ -7,6 +7,7 @@ from typing import Any
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.product.product import Product
+from station.domain.records.json_object import json_object
 
 
 def dump(product: Product, layout: SensorLayout) -> str:
@@ -33,10 +34,10 @@ def load(text: str) -> tuple[Product, SensorLayout]:
 def name_in(text: str) -> str:
     """What a kept product is called; "" where the text says nothing of the kind."""
     try:
-        name = json.loads(text)["product"]["name"]
+        name = json_object(text)["product"]["name"]
     except (ValueError, KeyError, TypeError):
         return ""
-    return name.replace("\x00", "") if isinstance(name, str) else ""
+    return name.replace("\x00", "").encode(errors="ignore").decode() if isinstance(name, str) else ""
 
 
 def _frame(document: dict[str, Any]) -> FrameLayout:

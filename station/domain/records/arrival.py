@@ -1,11 +1,11 @@
 """Records of a station's log as they arrive elsewhere: number, seal, signature and form of each, before it counts."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from station.domain.records.chain import Value, genesis, link
+from station.domain.records.json_object import json_object
 from station.domain.records.key_schedule import KEY_EVENT, REVOKED_EVENT, rotation_statement
 from station.domain.records.tables import COLUMNS, row_of
 from station.domain.records.wire import WireRecord, parse
@@ -151,10 +151,10 @@ class Arrival:
         What is not in order leaves the old key, by which the record is then forged.
         """
         try:
-            stored = json.loads(detail)
+            stored = json_object(detail)
             key, by_old = bytes.fromhex(stored["public_key"]), bytes.fromhex(stored.get("by_old", ""))
             beyond = int(stored.get("beyond", 0))
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (ValueError, KeyError, TypeError, OverflowError):
             return
         old = self.tip.key
         if kind == REVOKED_EVENT:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from station.domain.records.json_object import json_object
 from station.messages import Message
 
 SCHEMA = "station.head/1"
@@ -33,12 +34,12 @@ class SealedHead:
     def parse(text: str) -> "SealedHead":
         """The head of such a line, that of version 0.1 too, which named no station. Errors: ValueError."""
         try:
-            stored = json.loads(text)
+            stored = json_object(text)
             seal = bytes.fromhex(stored["hash"])
             signature = bytes.fromhex(stored.get("signature", ""))
             number = int(stored["number"])
             names = str(stored["log_id"]), str(stored.get("station", ""))
-        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError("no head of a log") from error
         if number < 0 or len(seal) != 32:
             raise ValueError("no head of a log")

@@ -19,7 +19,7 @@ _HEAD = struct.Struct(">QIB32s")
 _SIGNATURE_BYTES = 64
 _DOUBLE = struct.Struct(">d")
 #: Name, type and length of a value (chain.canonical).
-_FIELD = re.compile(rb"([^=]*)=([isbf])(\d+):")
+_FIELD = re.compile(rb"([^=]*)=([isbf])(0|[1-9]\d*):")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def _records(data: bytes, at: int) -> Iterator[WireRecord]:
 def parse(body: bytes) -> tuple[str, dict[str, Value]]:
     """Table and values by name of a record's canonical bytes, in their order. Errors: ValueError."""
     at, size, field = body.index(b":"), len(body), _FIELD.match
-    start, at = at + 1, at + 1 + int(body[:at])
+    start, at = at + 1, at + 1 + _whole(body[:at])
     table, values = body[start:at].decode(), dict[str, Value]()
     while at < size:
         if (found := field(body, at)) is None:
@@ -81,6 +81,14 @@ def parse(body: bytes) -> tuple[str, dict[str, Value]]:
     return table, values
 
 
+def _whole(digits: bytes) -> int:
+    """A number as it is sealed: no other digits mean it, so that nothing but the sealed bytes gives them again."""
+    number = int(digits)
+    if b"%d" % number != digits:
+        raise ValueError("not as it is sealed")
+    return number
+
+
 def _as_is(value: bytes) -> bytes:
     return value
 
@@ -92,4 +100,4 @@ def _float(value: bytes) -> float:
         raise ValueError("no double") from error
 
 
-_DECODERS: Mapping[bytes, Callable[[bytes], Value]] = {b"i": int, b"s": bytes.decode, b"b": _as_is, b"f": _float}
+_DECODERS: Mapping[bytes, Callable[[bytes], Value]] = {b"i": _whole, b"s": bytes.decode, b"b": _as_is, b"f": _float}
