@@ -1,9 +1,11 @@
 """The plant over HTTP: stations bring their records, a monitor asks how it goes, and heads are witnessed."""
 
+import asyncio
 import hashlib
 import hmac
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from prometheus_client import CollectorRegistry, Gauge
@@ -46,7 +48,8 @@ class Entrances:
 
 @dataclass(frozen=True, slots=True)
 class PlantFace:
-    """What the application stands on. witness: None where the plant has no key; most_bytes: of one portion."""
+    """What the application stands on. witness: None where the plant has no key; most_bytes: of one portion; turns: a
+    station has one request served at a time, so that one whose log is held up keeps no thread from the others."""
 
     receiver: PlantReceiver
     store: PlantStore
@@ -54,6 +57,7 @@ class PlantFace:
     clock: Clock
     witness: Witness | None
     most_bytes: int
+    turns: Mapping[str, asyncio.Lock] = field(default_factory=lambda: defaultdict(asyncio.Lock))
 
 
 def create_plant_app(face: PlantFace, further: Sequence[BaseRoute] = ()) -> Starlette:
@@ -109,7 +113,8 @@ def _for_stations(face: PlantFace, handler: _Handler) -> Callable[[Request], Any
             return _refused(401, Message("plant-unknown-station"))
         if not (_log_id(request).isascii() and _log_id(request).isprintable()):
             return _refused(400, Message("plant-no-portion"))
-        answer: Response = await handler(face, station, request)
+        async with face.turns[station.name]:
+            answer: Response = await handler(face, station, request)
         return answer
 
     return handle

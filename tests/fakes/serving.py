@@ -1,4 +1,4 @@
-"""Servers of asyncio for a test, and ports for them."""
+"""Servers of asyncio and of uvicorn for a test, and ports for them."""
 
 import asyncio
 import socket
@@ -6,6 +6,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
 
 
 @contextmanager
@@ -32,6 +35,20 @@ def served(serve: Callable[[Callable[[int], None]], Any]) -> Iterator[int]:
     finally:
         loops[0].call_soon_threadsafe(tasks[0].cancel)
         thread.join()
+
+
+@contextmanager
+def app_served(app: Starlette, **options: Any) -> Iterator[int]:
+    """An application as its command serves it, in a thread of its own; its port."""
+    server = uvicorn.Server(uvicorn.Config(app, log_config=None, access_log=False, ws="none", **options))
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        thread = threading.Thread(target=server.run, args=([door],))
+        thread.start()
+        try:
+            yield door.getsockname()[1]
+        finally:
+            server.should_exit = True
+            thread.join()
 
 
 def free_port() -> int:

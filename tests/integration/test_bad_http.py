@@ -2,15 +2,12 @@
 
 import logging
 import socket
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import uvicorn
 from starlette.applications import Starlette
 from starlette.testclient import TestClient
 
@@ -24,6 +21,7 @@ from station.web.plant import Entrances, PlantFace, connection_options, create_p
 from station.web.run_launcher import LaunchOptions
 from station.web.witness import create_witness_app
 from station.wiring.jobs import load_job
+from tests.fakes.serving import app_served
 
 HEAD = b" HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 CHUNKED = HEAD + b"Transfer-Encoding: chunked\r\n\r\n"
@@ -63,19 +61,6 @@ def page_app(folder: Path) -> Starlette:
     return create_app(Panel(settings, load_job("six-point")[0].recipe, options, folder / "accounts.json"))
 
 
-@contextmanager
-def serving(app: Starlette, options: dict[str, Any]) -> Iterator[int]:
-    server = uvicorn.Server(uvicorn.Config(app, log_config=None, access_log=False, ws="none", **options))
-    with socket.create_server(("127.0.0.1", 0)) as door:
-        thread = threading.Thread(target=server.run, args=([door],))
-        thread.start()
-        try:
-            yield door.getsockname()[1]
-        finally:
-            server.should_exit = True
-            thread.join()
-
-
 def bring(port: int, parts: tuple[bytes | None, ...]) -> None:
     """None: the client leaves. Otherwise it stays until the server ends the connection."""
     with socket.create_connection(("127.0.0.1", port), timeout=20) as link:
@@ -96,7 +81,7 @@ def bring(port: int, parts: tuple[bytes | None, ...]) -> None:
 @pytest.mark.parametrize("make", [page_app, plant_app, witness_app])
 def test_it_is_one_line(make: Callable[[Path], Starlette], tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     options = connection_options() if make is plant_app else {"http": GuardedConnection}
-    with caplog.at_level(logging.WARNING), serving(make(tmp_path), options) as port:
+    with caplog.at_level(logging.WARNING), app_served(make(tmp_path), **options) as port:
         for what, parts in BAD.items():
             caplog.clear()
             bring(port, parts)

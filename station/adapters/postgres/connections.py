@@ -14,6 +14,8 @@ except ImportError as missing:
 
 #: The unit of `connect_timeout` is a second.
 _CONNECT_TIMEOUT_S = 5
+#: Whoever holds a row, a table or the migration's lock for longer gets the next one refused, and it comes again.
+_LOCK_TIMEOUT_S = 10.0
 
 
 @contextmanager
@@ -41,8 +43,9 @@ def connect(address: str, *, read_only: bool = False) -> "psycopg.Connection":
 class Connections:
     """Connections of one process. location: as sentences name the database, without a password."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, lock_timeout_s: float = _LOCK_TIMEOUT_S) -> None:
         self._address, self._idle = address, list[psycopg.Connection]()
+        self._lock_timeout = f"{lock_timeout_s * 1e3:.0f}ms"
         self._turn = Lock()
         self.location = without_password(address)
 
@@ -54,6 +57,7 @@ class Connections:
                 connection = self._idle.pop() if self._idle else None
             if connection is None or connection.closed:
                 connection = connect(self._address)
+                connection.execute("SELECT set_config('lock_timeout', %s, false)", [self._lock_timeout])
             try:
                 yield connection
             except BaseException:

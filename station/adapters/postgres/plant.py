@@ -15,6 +15,8 @@ from station.messages import Message
 from station.ports.objects import ObjectStore
 from station.ports.plant import QuarantineEntry, StationStanding
 
+#: Of all who open a station's first log, one at a time: "plan" in hexadecimal of its letters, and the name's hash.
+_FIRST = "SELECT pg_advisory_xact_lock(1886150000, hashtext(%s))"
 _ROW = "id, log_id, number, seal, signature, key, revoked, parent, base"
 
 
@@ -30,9 +32,11 @@ class PostgresPlant:
         names = self._names.get(station, frozenset({station}))
         start = Tip.start(log_id, station, key, names)
         with self._connections.one() as connection, connection.transaction():
-            current = connection.execute(
-                f"SELECT {_ROW} FROM log WHERE station = %s AND current FOR UPDATE", [station]
-            ).fetchone()
+            query = f"SELECT {_ROW} FROM log WHERE station = %s AND current FOR UPDATE"
+            current = connection.execute(query, [station]).fetchone()
+            if current is None:  # there is no row to lock yet
+                connection.execute(_FIRST, [station])
+                current = connection.execute(query, [station]).fetchone()
             foreign = connection.execute(
                 "SELECT station FROM log WHERE log_id = %s AND station <> %s LIMIT 1", [log_id, station]
             ).fetchone()
