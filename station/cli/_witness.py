@@ -14,7 +14,7 @@ def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, po
     """Serves until SIGINT or SIGTERM. Errors: UsageError, ConfigError, StoreFault, StationFault."""
     import uvicorn
 
-    from station.web.witness import connection_options, create_witness_app
+    from station.web.witness import create_witness_app, witness_connections
     from station.wiring.logs import open_witness
 
     # Ctrl-C is the way to stop it, and no failure.
@@ -25,7 +25,7 @@ def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, po
     ):
         at = f"http://{host}:{listener.getsockname()[1]}"
         _output.print_line(render(Message("witness-serving", url=at, heads=str(heads))))
-        options = uvicorn.Config(create_witness_app(witness), log_level="warning", **connection_options())
+        options = uvicorn.Config(create_witness_app(witness), log_level="warning", **witness_connections())
         uvicorn.Server(options).run([listener])
     return 0
 

@@ -29,7 +29,7 @@ async def _not_now(_: Request, exc: Exception) -> Response:
 ERRORS: ErrorHandlers = {StationError: _not_now, **GONE}
 
 
-def connection_options() -> dict[str, Any]:
+def witness_connections() -> dict[str, Any]:
     """What uvicorn is told of connections; this process may hold many from now on."""
     allow_connections()
     return {"http": GuardedConnection, "ws": "none"}
