@@ -57,7 +57,8 @@ def run_diagnose(
 ) -> int:  # fmt: skip
     """Diagnoses and tells; returns the exit code. Errors: InputError."""
     retain_all_memory()
-    recipe, simulation = load_recipe(recipe_name), load_model(model)
+    recipe = load_recipe(recipe_name)
+    simulation = load_model(model, recipe.unit)
     for option, path in (("--report", wanted.report), ("--extend", wanted.extend), ("--next-run", wanted.next_run)):
         if path is not None and not path.parent.is_dir():
             raise UsageError("option-no-folder", option=option, path=str(path), folder=str(path.parent))

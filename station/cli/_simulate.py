@@ -58,7 +58,7 @@ def run_simulate(out: Path, request: SimulateRequest, *, as_json: bool) -> int:
 
 def _job(request: SimulateRequest, name: str) -> SimulationJob:
     recipe = load_recipe(name)
-    model = load_model(request.model)
+    model = load_model(request.model, recipe.unit)
     return SimulationJob(
         recipe=recipe,
         units=tuple(f"SN{i + 1:04d}" for i in range(request.units)),

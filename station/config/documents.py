@@ -82,6 +82,11 @@ def validate(document: Document, model: type[Model], error: type[InputError]) ->
         raise error("document-mistakes", file=str(document.path), mistakes=reasons) from None
 
 
+def at_key(document: Document, place: KeyPath, reason: Message) -> Message:
+    """A mistake with the line and the key where it is."""
+    return Message("mistake-at-key", line=document.line(place), key=".".join(map(str, place)), reason=reason)
+
+
 def canonical(model: BaseModel) -> str:
     """The model as JSON that is the same for the same content: defaults written out, keys sorted, no comments."""
     data = model.model_dump(mode="json", by_alias=True)

@@ -5,18 +5,18 @@ spread between units, and the causes found, with parameters as in docs/formats.m
 """
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from station import plugins
 from station.domain.core.types import Floats
-from station.domain.recipe.fields import Finite, NotNegative, StrictModel
+from station.domain.recipe.fields import NotNegative, Number, StrictModel
 from station.errors import InputError, InvalidValue
 from station.model.effect import Effect, EffectStage
-from station.model.formula.grammar import CONSTANTS
 from station.model.formula.model_term import ModelTerm
 from station.model.formula.term_effect import effect_of
 from station.model.forward import ActiveEffect
@@ -40,15 +40,30 @@ class ModelSpread(StrictModel):
     cross_std: NotNegative | None = None
 
 
+def _number_or_text(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise InvalidValue("value-not-number", given=str(value).lower()[:40])
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return value
+
+
 class ModelParameter(StrictModel):
-    """One number of a cause, as docs/formats.md names it."""
+    """One number of a cause, as docs/formats.md names it; a mapping of axes is text."""
 
     name: str
     axis: str | None = None
     of: str = "common"
-    value: float | str
+    value: Annotated[float | str, BeforeValidator(_number_or_text)]
     std: float | None = None
     unit: str = ""
+
+
+def measured_parameter(row: Mapping[str, Any]) -> ModelParameter:
+    """A number of a finding, without its standard deviation where the data tell none."""
+    std = row["std"]
+    return ModelParameter(**{**row, "std": std if std is not None and np.isfinite(std) else None})
 
 
 class SizedTerm(StrictModel):
@@ -56,11 +71,6 @@ class SizedTerm(StrictModel):
 
     parameters: tuple[ModelParameter, ...]
     term: ModelTerm
-
-    @model_validator(mode="after")
-    def _fits_its_term(self) -> Self:
-        _check_parameters(self.term, self.parameters)
-        return self
 
 
 class ModelEffect(StrictModel):
@@ -70,15 +80,13 @@ class ModelEffect(StrictModel):
 
     effect: str
     parameters: tuple[ModelParameter, ...] = ()
-    shape: dict[str, Finite] = Field(default_factory=dict)
+    shape: dict[str, Number] = Field(default_factory=dict)
     term: ModelTerm | None = None
     equivalent: tuple[SizedTerm, ...] = ()
 
     @model_validator(mode="after")
-    def _fits_its_term(self) -> Self:
-        if self.term is not None:
-            _check_parameters(self.term, self.parameters)
-        elif self.equivalent:
+    def _has_a_term(self) -> Self:
+        if self.term is None and self.equivalent:
             raise InvalidValue("formula-equivalent-alone", effect=self.effect[:40])
         return self
 
@@ -135,22 +143,6 @@ class Model(StrictModel):
     def document(self) -> dict[str, Any]:
         """As it is written to a file; what is not said is left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
-
-
-def _check_parameters(term: ModelTerm, parameters: tuple[ModelParameter, ...]) -> None:
-    """Errors: InvalidValue where a coefficient of a formula is none, or in another unit than follows from its tree."""
-    names = ("angle" if term.term().is_turn else "coefficient", *(CONSTANTS[f].name for f in term.constants))
-    for p in parameters:
-        if p.name not in names:
-            raise InvalidValue("formula-parameter", name=p.name[:40], names=names)
-        if p.name != names[0]:
-            continue
-        if isinstance(p.value, str) or not np.isfinite(p.value):
-            raise InvalidValue("formula-value", value=str(p.value)[:40])
-        if p.axis is not None and p.axis not in term.axes:
-            raise InvalidValue("formula-axes", axes=(p.axis[:40],), names=term.axes)
-        if p.unit and p.unit != term.unit:
-            raise InvalidValue("formula-unit", unit=p.unit[:40], needed=term.unit)
 
 
 def formula_size(parameters: tuple[ModelParameter, ...]) -> float:

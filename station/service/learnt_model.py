@@ -20,7 +20,7 @@ def with_model(job: Job, path: Path | None) -> tuple[Job, tuple[str, ...]]:
         return job, ()
     matrix = job.product.map.matrix
     gains_only = matrix is None or matrix.order == "diagonal"
-    found = compensate(job.recipe, load_model(path), gains_only=gains_only)
+    found = compensate(job.recipe, load_model(path, job.recipe.unit), gains_only=gains_only)
     notices = [f"{path}: {reason}" for reason in found.uncompensated]
     if found.causes:
         notices.insert(0, render(Message("model-causes-compensated", file=str(path), causes=found.causes)))

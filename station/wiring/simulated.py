@@ -76,7 +76,8 @@ class SimulatedFixture:
             numbers = SimulatedPositioner(self._positioner_settings(document), self.clock, self._go)
             self.positioner, plate = numbers, numbers.plate
         effects = tuple(_effect(text, job) for text in order.effects)
-        self._rig = Rig(SimulationJob(job.recipe, (), order.seed, effects, load_model(order.model)), plate)
+        model = load_model(order.model, job.recipe.unit)
+        self._rig = Rig(SimulationJob(job.recipe, (), order.seed, effects, model), plate)
         for text in order.faults:
             if text.startswith(BUS_PREFIX):
                 self._break_wire(text.removeprefix(BUS_PREFIX))

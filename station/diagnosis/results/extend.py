@@ -6,7 +6,7 @@ from station.diagnosis.data.faults import GrossFault
 from station.diagnosis.results.diagnose import Cause, Diagnosis
 from station.diagnosis.results.diagnosis_document import parameter_rows
 from station.model.effect import Effect
-from station.model.model_file import Model, ModelEffect, ModelParameter
+from station.model.model_file import Model, ModelEffect, ModelParameter, measured_parameter
 
 
 def extend_model(model: Model, d: Diagnosis) -> Model:
@@ -38,7 +38,7 @@ def _fault_effect(f: GrossFault) -> ModelEffect:
 
 def _cause_effects(c: Cause, d: Diagnosis) -> Iterator[ModelEffect]:
     """A cause, once for each of its shapes."""
-    rows = [ModelParameter(**row) for row in parameter_rows(c, d)]
+    rows = [measured_parameter(row) for row in parameter_rows(c, d)]
     candidate = None if c.estimate is None else c.estimate.item.candidate
     if candidate is not None and candidate.effect is None:
         # One visit's own length is nothing that a simulation can have again.

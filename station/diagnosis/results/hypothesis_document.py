@@ -13,7 +13,7 @@ from station.model.effect import unit_in
 from station.model.formula.model_term import ModelTerm
 from station.model.formula.term import Term
 from station.model.formula.text import formula_mathml, formula_text
-from station.model.model_file import ModelEffect, ModelParameter, SizedTerm
+from station.model.model_file import ModelEffect, SizedTerm, measured_parameter
 
 
 def hypothesis_rows(h: Hypotheses, unit: str) -> list[dict[str, Any]]:
@@ -105,4 +105,4 @@ def _sized(fit: TermFit, estimate: Estimate, data: str, unit: str) -> SizedTerm:
     rows = [r for r in estimate_rows(estimate, unit) if r["name"] in ("coefficient", "angle")]
     source = f"found in data {data}, d {fit.d:.3g}; not yet explained"
     tree = {**term_document(fit.term, unit), "formula": formula_text(fit.term), "source": source}
-    return SizedTerm(parameters=tuple(ModelParameter(**r) for r in rows), term=ModelTerm.model_validate(tree))
+    return SizedTerm(parameters=tuple(measured_parameter(r) for r in rows), term=ModelTerm.model_validate(tree))

@@ -12,6 +12,16 @@ from station.errors import InvalidValue
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
+def _not_a_switch(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise InvalidValue("value-not-number", given=str(value).lower())
+    return value
+
+
+#: The same where `true` is no 1.
+Number = Annotated[float, BeforeValidator(_not_a_switch), Field(allow_inf_nan=False)]
+
+
 Vector = tuple[Finite, Finite, Finite]
 
 

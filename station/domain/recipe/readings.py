@@ -1,7 +1,7 @@
 """What a perfect device reads of what it feels: the vector itself, or what its sensor kind makes of it."""
 
 from functools import cache
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -10,6 +10,14 @@ from station.domain.core.types import Floats
 from station.domain.recipe.blocks import DeviceSheet
 
 SENSORS = "station.domain.recipe.sensors"
+
+
+def known_units() -> tuple[str, ...]:
+    """The units of all sensor kinds' readings."""
+    kinds: list[Any] = list(plugins.load_all(SENSORS).values())
+    return tuple(kind.unit for kind in kinds)
+
+
 #: Step of the central difference, as a share of the stimulus: its error and rounding are both below 1e-9.
 STEP = 1e-5
 

@@ -19,11 +19,6 @@ from station.errors import InvalidValue
 METHODS = "station.domain.methods.calibrate"
 
 
-def _units() -> list[str]:
-    kinds: list[Any] = list(plugins.load_all(SENSORS).values())
-    return [kind.unit for kind in kinds]
-
-
 class Recipe(StrictModel):
     """A whole recipe. Every way to get one checks it; a recipe that exists can be planned."""
 
@@ -31,7 +26,7 @@ class Recipe(StrictModel):
     name: Name
     version: Annotated[int, Field(ge=1)]
     sensor: Annotated[str, one_of(lambda: plugins.names(SENSORS))]
-    unit: Annotated[str, one_of(_units)]
+    unit: Annotated[str, one_of(readings.known_units)]
     reference: Reference
     positions: tuple[Position, ...] = ()
     seatings: dict[Name, Turn] = Field(default_factory=dict)

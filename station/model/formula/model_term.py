@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from station.domain.recipe.fields import Finite, StrictModel
+from station.domain.recipe import readings
+from station.domain.recipe.fields import Number, StrictModel
 from station.errors import InputError, InvalidValue
 from station.model.effect import unit_in
 from station.model.formula.expression import constants
@@ -22,7 +23,7 @@ class ModelTerm(StrictModel):
     modulator: str = "constant"
     axes: tuple[str, ...]
     of: str = "unit"
-    constants: Mapping[str, Finite] = Field(default_factory=dict)
+    constants: Mapping[str, Number] = Field(default_factory=dict)
     unit: str
     formula: str = ""
     source: Annotated[str, Field(pattern=r"^[A-Za-z0-9 .,;:%()=+-]{0,100}$")] = ""
@@ -36,7 +37,7 @@ class ModelTerm(StrictModel):
         except InputError as exc:
             raise InvalidValue(exc.message) from None
         unit = "rad" if term.is_turn else term.unit.text()
-        if not any(unit_in(unit, u) == self.unit for u in ("u", "g", "deg/s", "uT")):
+        if not any(unit_in(unit, u) == self.unit for u in ("u", *readings.known_units())):
             raise InvalidValue("formula-unit", unit=self.unit[:40], needed=unit)
         if self.formula and self.formula != formula_text(term):
             raise InvalidValue("formula-text", text=self.formula[:80], tree=formula_text(term))
