@@ -138,6 +138,8 @@ class DecodedFrames:
 
 #: Columns of `DecodedFrames` that have one row for each decodable frame.
 _ROWS = ("time_ns", "xyz", "counter", "status", "crc_ok", "finite")
+#: Columns of `Samples` that its leading frames bring along.
+_SAMPLE_ROWS = ("time_ns", "counter", "status", "crc_ok", "usable")
 
 
 def decode_samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
@@ -257,21 +259,33 @@ def _put_together(samples: Samples, decoded: DecodedFrames, layout: SensorLayout
     within_ns = None if join_rule is None or join_rule.within_s is None else join_rule.within_s * 1e9
     values = layout.frame_counter_values if by == "counter" else 2
     joined = join_messages(parts[0], parts[1:], within_ns, values)
-    rows, each = joined.rows, layout.samples_a_frame
-    time_ns = samples.time_ns[rows]
-    period_ns = _sample_period_ns(time_ns, layout)
-    back = (np.arange(each) - (each - 1)) * period_ns
+    if joined.rows is not None:
+        samples = _of_rows(samples, joined.rows)
     xyz = joined.readings.reshape(-1, 3)
     finite = _finite(xyz, layout)
+    errors = replace(samples.frame_errors, incomplete=joined.gaps, not_finite=int(np.count_nonzero(~finite)))
+    if layout.samples_a_frame > 1:
+        samples = _several_each(samples, layout)
+    return replace(samples, xyz=xyz, usable=samples.usable & finite, frame_errors=errors)
+
+
+def _of_rows(samples: Samples, rows: NDArray[np.intp]) -> Samples:
+    """Some of the leading frames; their readings are still to come."""
+    columns = {name: column[rows] for name in _SAMPLE_ROWS if (column := getattr(samples, name)) is not None}
+    return replace(samples, **columns)
+
+
+def _several_each(samples: Samples, layout: SensorLayout) -> Samples:
+    """What each of the readings of a frame takes over from it; its time is that of the last one."""
+    each, time_ns = layout.samples_a_frame, samples.time_ns
+    back = (np.arange(each) - (each - 1)) * _sample_period_ns(time_ns, layout)
     return replace(
         samples,
         time_ns=(time_ns[:, None] + np.rint(back).astype(np.int64)).ravel(),
-        xyz=xyz,
-        counter=_counted_each(samples.counter, rows, each),
-        status=None if samples.status is None else np.repeat(samples.status[rows], each),
-        crc_ok=np.repeat(samples.crc_ok[rows], each),
-        usable=np.repeat(samples.usable[rows], each) & finite,
-        frame_errors=replace(samples.frame_errors, incomplete=joined.gaps, not_finite=int(np.count_nonzero(~finite))),
+        counter=_counted_each(samples.counter, each),
+        status=None if samples.status is None else np.repeat(samples.status, each),
+        crc_ok=np.repeat(samples.crc_ok, each),
+        usable=np.repeat(samples.usable, each),
     )
 
 
@@ -282,11 +296,11 @@ def _sample_period_ns(time_ns: NDArray[np.int64], layout: SensorLayout) -> float
     return float(np.median(np.diff(time_ns))) / layout.samples_a_frame if len(time_ns) > 1 else 0.0
 
 
-def _counted_each(counter: Array | None, rows: NDArray[np.intp], each: int) -> Array | None:
+def _counted_each(counter: Array | None, each: int) -> Array | None:
     """The frames' counter as a count of readings."""
     if counter is None:
         return None
-    own = counter[rows].astype(np.uint64)[:, None] * np.uint64(each) + np.arange(each, dtype=np.uint64)
+    own = counter.astype(np.uint64)[:, None] * np.uint64(each) + np.arange(each, dtype=np.uint64)
     return np.asarray(own.ravel())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.can.signals import FrameLayout, SignalLayout, physical, raw
+from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, physical, raw
 from station.domain.core.types import Array, Floats
 
 #: (reading of the frame, axis, signal).
@@ -32,8 +32,15 @@ class SamplePart:
     def readings(self, data: NDArray[np.uint8], count: int) -> Floats:
         """Physical values (n, count, 3) of payloads (n, w); 0 where another part has them."""
         found = np.zeros((len(data), count, 3))
-        for place, axis, signal in self.cells:
-            found[:, place, axis] = physical(raw(data, signal), signal)
+        for place in range(count):
+            own = [(axis, signal) for at, axis, signal in self.cells if at == place]
+            first, signals = own[0][0], [signal for _, signal in own]
+            together = adjacent_words(data, signals) if own[-1][0] - first == len(own) - 1 else None
+            if together is not None:
+                found[:, place, first : first + len(own)] = physical(together, signals[0])
+                continue
+            for axis, signal in own:
+                found[:, place, axis] = physical(raw(data, signal), signal)
         return found
 
     def key(self, data: NDArray[np.uint8]) -> Array | None:

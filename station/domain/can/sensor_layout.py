@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -136,11 +137,12 @@ class FrameMap(StrictModel):
         return self
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SensorLayout:
     """A frame map whose names have been found in its DBC: what decoding and encoding need.
 
-    sample: the message that gives a reading its time; others: the further messages of a reading.
+    sample: the message that gives a reading its time; others: the further messages of a reading. Without slots: what
+    follows of the map is looked up once, for every portion of a dwell asks for it again.
     """
 
     map: FrameMap
@@ -148,17 +150,17 @@ class SensorLayout:
     temperature: FrameLayout | None
     others: tuple[FrameLayout, ...] = ()
 
-    @property
+    @cached_property
     def axes(self) -> tuple[SignalLayout, ...]:
         """The signals of the axes that there are; of several readings in a frame those of the first."""
         return tuple(self.signal(names[0]) for names in self.map.sample.axes)
 
-    @property
+    @cached_property
     def samples_a_frame(self) -> int:
         """Readings in one frame."""
         return len(self.map.sample.axes[0])
 
-    @property
+    @cached_property
     def is_plain(self) -> bool:
         """One message that is always there is one reading of three axes."""
         axes = self.axes
@@ -175,13 +177,13 @@ class SensorLayout:
         """The message of that name among those of a reading."""
         return next(m for m in (self.sample, *self.others) if m.name == name)
 
-    @property
+    @cached_property
     def counter(self) -> SignalLayout | None:
         """The counting signal."""
         name = self.map.sample.counter
         return None if name is None else self.sample.signal(name)
 
-    @property
+    @cached_property
     def frame_counter_values(self) -> int:
         """Modulus of the counter of the frames; 1 when there is none."""
         if self.counter is None:
@@ -189,17 +191,17 @@ class SensorLayout:
         profile = self.map.e2e.counter_values if self.map.e2e else None
         return self.map.counter_values or profile or 1 << self.counter.length
 
-    @property
+    @cached_property
     def counter_values(self) -> int:
         """Modulus of the count of readings; 1 when there is none."""
         return self.frame_counter_values * self.samples_a_frame if self.counts_readings else 1
 
-    @property
+    @cached_property
     def crc_byte(self) -> int:
         """Which byte of the sample's payload is the CRC."""
         return self.sample.signal(self.map.sample.crc or "").first_bit // 8
 
-    @property
+    @cached_property
     def joined_by(self) -> str:
         """What puts the messages of a reading together: counter, sync or time."""
         if self.map.join is not None:
@@ -207,14 +209,14 @@ class SensorLayout:
         counted = self.counter is not None and all(self.counter_of(m) is not None for m in self.others)
         return "counter" if counted and not self.takes_turns else "time"
 
-    @property
+    @cached_property
     def takes_turns(self) -> bool:
         """Whether the frames of one message carry the axes by turns."""
         signals = [(m, m.signal(s)) for m, s in map(self._placed, self.map.sample.axes)]
         ways = {(m.name, s.selector, s.selected_by) for m, s in signals}
         return len({name for name, _, _ in ways}) < len(ways)
 
-    @property
+    @cached_property
     def counts_readings(self) -> bool:
         """Whether there is a counter that goes on by one from one leading frame to the next."""
         return self.counter is not None and (not self.takes_turns or self.joined_by == "counter")
@@ -251,12 +253,12 @@ class SensorLayout:
         frames = [_scaled(m, {s: f for (of, s), f in changed.items() if of == m.name}, unit) for m in self.messages]
         return replace(self, sample=frames[0], others=tuple(frames[1:]))
 
-    @property
+    @cached_property
     def temperature_rides(self) -> bool:
         """Whether the temperature stands in a message of the readings."""
         return self.temperature is not None and self.temperature.name in {m.name for m in self.messages}
 
-    @property
+    @cached_property
     def messages(self) -> tuple[FrameLayout, ...]:
         """The messages of a reading, that which gives it its time first."""
         return self.sample, *self.others
