@@ -5,11 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from station.domain.can.decode import Samples
-from station.domain.can.sample_decoder import SampleDecoder
-from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
-from station.domain.capture.visit_check import FACE_DEG
-from station.domain.core.types import ERROR, Floats, Frames
+from station.domain.capture.rest_detection import at_rest, expected_noise
+from station.domain.core.types import ERROR, Frames
 from station.domain.noise.noise_prior import MAX_UNITS
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.run.progress import Event, LiveReading, Notice
@@ -18,7 +15,7 @@ from station.messages import Message
 from station.service import dwell_control
 from station.service.bus_errors import refuse_bus_off
 from station.service.dwell_control import GOLD_KEY, Readings
-from station.service.silence import SILENT_S
+from station.service.face_wait import FaceWait, rest_window, window_s
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
 from station.service.unit import Unit
@@ -29,14 +26,10 @@ from station.service.visit_collector import VisitCollector
 POLL_S, DWELL_POLL_S = 0.05, 0.2
 #: While only time has to pass, a stop may wait so long.
 WAIT_POLL_S = 0.5
-#: How long the part must have been still before it counts, s, and the readings that this needs at least.
-HOLD_S, HOLD_READINGS = 0.2, 16
+#: How long the part must have been still before it counts, s.
+HOLD_S = 0.2
 #: Readings older than this say nothing about rest.
 RECENT_S = 1.0
-#: Where any pose will do, the next one is so far from the last, degrees.
-POSE_CHANGE_MIN_DEG = 15.0
-#: A hand needs longer to let go.
-HOLD_BY_HAND_S = 0.6
 
 
 class Capture:
@@ -109,53 +102,37 @@ class Capture:
     ) -> Generator[Event, None, list[Unit]]:
         """Until the wanted face is up and still in every nest; reports once what else was brought up.
 
-        Returns the units that send nothing: nobody needs to turn the fixture for them."""
+        Returns the units that send nothing: nobody needs to turn the fixture for them. Errors: PositionerFault."""
         clock, face_s = self._station.clock, self._station.settings.timeouts.face_s
-        deadline_s, silent_s = clock.monotonic_s() + face_s, clock.monotonic_s() + SILENT_S
-        heard: set[str] = set()
+        begun_s = clock.monotonic_s()
+        wait = FaceWait(units, self._job, planned, begun_s, face_s)
         reported: set[Message] = set()
-        decoders, turned = [SampleDecoder(self._job.layout, unit.seat.node) for unit in units], False
-        while clock.monotonic_s() < deadline_s:
+        while clock.monotonic_s() < begun_s + face_s:
             newest = self._poll(DWELL_POLL_S)
             self._pass_over(newest)
-            from_ns = clock.epoch_ns() - round(2 * HOLD_BY_HAND_S * 1e9)
-            for decoder in decoders:
-                decoder.add(newest)
-                decoder.forget(from_ns)
-            recent = [decoder.recent(from_ns) for decoder in decoders]
-            heard |= {u.seat.serial for u, r in zip(units, recent, strict=True) if r.frame_errors.frames}
-            if clock.monotonic_s() >= silent_s:
-                if silent := [unit for unit in units if unit.seat.serial not in heard]:
-                    return silent
-                heard, silent_s = set(), clock.monotonic_s() + SILENT_S
-            windows = [self._rest_window(samples, HOLD_BY_HAND_S) for samples in recent]
-            if not all(at_rest(w, self._noise, self._lsb) for w in windows):
-                turned = turned or all(len(w) for w in windows)
-                continue
-            faces = [self._wrong_face(u, w, planned) for u, w in zip(units, windows, strict=True)]
-            wrong = [message for message in faces if message is not None]
-            if not wrong:
-                return []
-            if turned:
-                for message in (m for m in wrong if m not in reported):
+            wait.look(newest, clock.monotonic_s(), clock.epoch_ns())
+            if wait.over:
+                return list(wait.silent)
+            for message in wait.wrong_faces():
+                if message not in reported:
                     yield Notice(Message("wrong-face-up", found=message, instruction=instruction))
-                reported |= set(wrong)
-        raise PositionerFault("nobody-turned", position=planned.position, timeout_s=face_s)
+                reported.add(message)
+        raise PositionerFault("nobody-turned-it", position=planned.position, timeout_s=face_s, found=wait.found)
 
     def _settle(self, collector: VisitCollector) -> None:
         """The recipe's settling time, then until every unit is still; a unit that never is, the visit's check names.
 
         A recipe without settling time wants to see the settling, so nothing is waited for.
         """
-        settle_s = self._job.recipe.settle.time_s
-        clock = self._station.clock
+        recipe, clock = self._job.recipe, self._station.clock
+        settle_s, recent_s = recipe.settle.time_s, max(RECENT_S, window_s(HOLD_S, recipe))
         began_s = clock.monotonic_s()
         while settle_s and (lasted_s := clock.monotonic_s() - began_s) < self._station.settings.timeouts.settle_s:
             collector.add(self._poll(min(DWELL_POLL_S, max(POLL_S, settle_s - lasted_s))))
             if clock.monotonic_s() - began_s < settle_s:
                 continue
-            recent = collector.recent(clock.epoch_ns() - round(RECENT_S * 1e9))
-            if all(at_rest(self._rest_window(samples, HOLD_S), self._noise, self._lsb) for samples in recent):
+            recent = collector.recent(clock.epoch_ns() - round(recent_s * 1e9))
+            if all(at_rest(rest_window(samples, HOLD_S, recipe), self._noise, self._lsb) for samples in recent):
                 break
 
     def _poll(self, duration_s: float) -> Frames:
@@ -167,22 +144,6 @@ class Capture:
     def _receive(self) -> Frames:
         """What is waiting. Errors: BusFault, after bus-off too."""
         return refuse_bus_off(self._channel.receive(0.0), self._station.bus)
-
-    def _rest_window(self, samples: Samples, hold_s: float) -> Floats:
-        """The newest readings (n, 3), long enough to tell rest from movement; none when they are too few."""
-        count = max(HOLD_READINGS, round(hold_s * self._job.recipe.device.rate_hz))
-        readings = samples.readings
-        return readings[-count:] if len(readings) >= count else readings[:0]
-
-    def _wrong_face(self, unit: Unit, window: Floats, planned: PlannedVisit) -> Message | None:
-        """What is up instead; None where it is right. Where any pose will do, it must be another one."""
-        mean = np.asarray(window.mean(axis=0))
-        if not self._job.recipe.pose_known:
-            same = unit.last_mean is not None and angle_deg(mean, unit.last_mean) < POSE_CHANGE_MIN_DEG
-            return Message("same-face-up", nest=unit.seat.nest) if same else None
-        if not has_direction(planned.true, self._job.recipe) or angle_deg(mean, planned.true) <= FACE_DEG:
-            return None
-        return Message("other-face-up", nest=unit.seat.nest, face=face(mean))
 
 
 def _live_reading(collector: VisitCollector) -> LiveReading:

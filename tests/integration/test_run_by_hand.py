@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from station.adapters.positioner.manual import ManualPositioner
 from station.adapters.positioner.simulated import SimulatedPositioner
@@ -103,4 +104,37 @@ def test_when_nobody_turns_it_the_station_says_so(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, config=fixture_run.config(tmp_path, **timeouts), wrap=by_hand(delay_s=60.0))
     assert ran.results["SN0001"].outcome is Outcome.ERROR
     assert isinstance(ran.fault, PositionerFault)
-    assert "within 20 s: start again when somebody is there" in ran.fault.sentence
+    assert "within 20 s: Nest A shows +z up. Start again when" in ran.fault.sentence
+
+
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [("crc-errors:fraction=1", "frames with a wrong CRC"), ("counter-stuck", "the frame counter is stuck")],
+)
+def test_frames_that_hold_no_reading_are_the_units_and_nobody_turns_for_them(
+    tmp_path: Path, fault: str, reason: str, *, alone: bool
+) -> None:
+    recipe = fixture_run.recipe(tmp_path, visit_repeats=0)
+    ran = fixture_run.run(tmp_path, units=1 if alone else 2, recipe=recipe, faults=(f"SN0001/{fault}",), wrap=by_hand())
+    unit, *others = ran.results.values()
+    assert unit.outcome is Outcome.FAIL
+    assert reason in unit.reasons[0].sentence
+    assert ran.fault is None
+    assert all(other.outcome is Outcome.PASS for other in others)
+
+
+def test_a_nest_that_shows_another_side_than_the_others_is_outvoted(tmp_path: Path) -> None:
+    recipe = fixture_run.recipe(tmp_path, visit_repeats=0)
+    ran = fixture_run.run(tmp_path, units=2, recipe=recipe, faults=("SN0001/stuck-axis:value=2",), wrap=by_hand())
+    assert (ran.results["SN0001"].outcome, ran.results["SN0002"].outcome) == (Outcome.FAIL, Outcome.PASS)
+    assert "Axis z reads exactly" in ran.results["SN0001"].reasons[0].sentence
+    assert ran.fault is None
+
+
+def test_a_device_that_sends_ten_readings_a_second_is_recognised(tmp_path: Path) -> None:
+    slow = {"rate_hz": 10, "lsb": 6.25e-5, "full_scale": 2.0, "noise_density": 0.0001, "counter_bits": 4}
+    recipe = fixture_run.recipe(tmp_path, device=slow, dwell={"time_s": 5.0}, verify=None, limits={})
+    ran = fixture_run.run(tmp_path, recipe=recipe, wrap=by_hand())
+    assert ran.fault is None
+    assert ran.results["SN0001"].outcome is Outcome.PASS
