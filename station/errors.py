@@ -15,6 +15,7 @@ StationError
 │   └── ReadBackDiffers            it keeps something else than was written
 ├── StationFault          exit 3   the station: outcome ERROR
 │   ├── BusFault                   interface down, bus-off, no buffer
+│   │   └── NodeShared             two devices answer under one node id
 │   ├── DeviceSilent               no answer within its time-out
 │   ├── WrongUnit                  another unit sits in the nest than was said
 │   ├── ForeignMaster              somebody else commands the unit's device meanwhile
@@ -130,6 +131,10 @@ class StationFault(StationError):
 
 class BusFault(StationFault):
     """The bus or its interface failed."""
+
+
+class NodeShared(BusFault):
+    """Two devices answer under one node id: the others on the bus are none the worse for it."""
 
 
 class DeviceSilent(StationFault):

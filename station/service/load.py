@@ -32,6 +32,7 @@ from station.errors import (
     DeviceRefused,
     DeviceSilent,
     ForeignMaster,
+    NodeShared,
     PositionerFault,
     StationError,
     StationFault,
@@ -54,7 +55,7 @@ from station.service.unit import Unit, check_no_foreign_master, check_same_unit,
 from station.service.write_back import WriteBack
 
 #: Errors of one unit, which stop no other.
-UNIT_ERRORS = (UnitFault, DeviceSilent, WrongUnit, ForeignMaster, DeviceChanged)
+UNIT_ERRORS = (UnitFault, DeviceSilent, NodeShared, WrongUnit, ForeignMaster, DeviceChanged)
 
 
 class Load:

@@ -1,5 +1,6 @@
 """One visit of the whole fixture: move, settle, dwell, check, keep. Every nest at once."""
 
+import math
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
 
@@ -137,7 +138,9 @@ class VisitMeasurement:
         age_s, limit_s = unit.device.heartbeat_age_s(), unit.heartbeat_limit_s
         if age_s > limit_s:
             period_s = unit.heartbeat_s
-            message = Message("heartbeat-late", age_s=age_s, position=planned.position, period_s=period_s)
+            message = Message("heartbeat-never", position=planned.position, period_s=period_s)
+            if math.isfinite(age_s):
+                message = Message("heartbeat-late", age_s=age_s, position=planned.position, period_s=period_s)
             return (Reason(message, age_s, limit_s, "s", check="heartbeat"),)
         return ()
 

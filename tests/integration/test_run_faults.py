@@ -20,6 +20,20 @@ def test_one_bad_unit_does_not_stop_the_others(tmp_path: Path) -> None:
     assert len(ran.coefficients("SN0004")) == 12
 
 
+def test_two_devices_under_one_node_id_are_that_nests_trouble(tmp_path: Path) -> None:
+    ran = fixture_run.run(tmp_path, units=2, faults=("SN0001/twice",))
+    assert [r.outcome for r in ran.results.values()] == [ERROR, PASS]
+    assert "two devices share this node id" in ran.results["SN0001"].reasons[0].sentence
+    assert ran.fault is None
+
+
+def test_a_heartbeat_that_never_came_has_no_age(tmp_path: Path) -> None:
+    ran = fixture_run.run(tmp_path, faults=("no-boot-up", "heartbeat-stops"))
+    assert [x.sentence for x in ran.results["SN0001"].reasons] == [
+        "No heartbeat that could be read has come by 'z-up'; one is due every 0.5 s: check cable, power and firmware."
+    ]
+
+
 def test_a_single_bad_visit_is_measured_once_more(tmp_path: Path) -> None:
     from station.domain.run.progress import VisitRejected
 

@@ -435,3 +435,10 @@ class Flood(ScriptedChannel):
         """Each look costs 0.1 ms."""
         self.sleep(0.0001)
         return super().monotonic_s()
+
+
+def test_a_value_that_comes_in_drops_without_end_is_given_up(start: Start) -> None:
+    drops = [(f"{0x60 | i % 2 << 4:02x}" + " 00" * 7, [(0.29, f"{i % 2 << 4:02x}" + " 61" * 7)]) for i in range(11)]
+    sdo = start(("40 08 10 00 00 00 00 00", ["40 08 10 00 00 00 00 00"]), *drops, ("80 08 10 00 00 00 04 05", []))
+    with pytest.raises(DeviceRefused, match="was not over after 3 s and was aborted"):
+        sdo.upload(0x1008, 0)

@@ -15,7 +15,7 @@ from station.adapters.canopen import sdo_block, sdo_transfer
 from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.canopen.sdo_transfer import Exchange, NoAnswer, Refused, Violation
 from station.domain.product import sdo_codes
-from station.errors import BusFault, DeviceRefused, DeviceSilent
+from station.errors import DeviceRefused, DeviceSilent, NodeShared
 from station.messages import Message
 
 TransferResult = TypeVar("TransferResult")
@@ -30,8 +30,15 @@ _MOST_WAITING = 4096
 _STORES = (0x1010, 0x1011)
 #: A second device may be so many requests behind the first; so many exchanges running it must have answered too.
 _REMEMBERED_EXCHANGES, _CONSECUTIVE_EXCHANGES = 32, 2
+#: A transfer may last so many times what an answer may take, and what written bytes take on the slowest bus: a
+#: device that sends a value in drops, or without end, would hold up all units.
+_PATIENCE, _LEAST_BYTES_PER_S = 10, 100.0
 #: Mandatory objects that any device answers for: they tell when it has caught up.
 _FENCES = ((0x1000, 0), (0x1001, 0))
+
+
+class _Endless(Exception):
+    """A transfer goes on and on."""
 
 
 class SdoClient:
@@ -99,14 +106,14 @@ class SdoClient:
     def _download(self, index: int, sub: int, data: bytes, timeout_s: float | None) -> None:
         if len(data) > BLOCK_FROM and self._has_blocks:
             try:
-                self._run("write", index, sub, timeout_s, lambda: sdo_block.download(index, sub, data))
+                self._run("write", index, sub, timeout_s, lambda: sdo_block.download(index, sub, data), len(data))
             except DeviceRefused as refusal:
                 if refusal.code != sdo.ABORT_INVALID_COMMAND_SPECIFIER:
                     raise
                 self._has_blocks = False
             else:
                 return
-        self._run("write", index, sub, timeout_s, lambda: sdo_transfer.download(index, sub, data))
+        self._run("write", index, sub, timeout_s, lambda: sdo_transfer.download(index, sub, data), len(data))
 
     def _run(
         self,
@@ -115,17 +122,24 @@ class SdoClient:
         sub: int,
         timeout_s: float | None,
         make: Callable[[], Generator[Exchange, bytes, TransferResult]],
+        size: int = 0,
     ) -> TransferResult:
         self._leave_quarantine()
         timeout_s = timeout_s or self._timeouts_s.get((index, sub), self.answer_s)
-        before = self.dropped
+        before, limit_s = self.dropped, _PATIENCE * timeout_s + size / _LEAST_BYTES_PER_S
         try:
-            return self._drive(make(), index, sub, timeout_s)
+            return self._drive(make(), index, sub, timeout_s, self._network.clock.monotonic_s() + limit_s)
         except Refused as refusal:
             raise self._refused(f"sdo-{access}-refused", index, sub, refusal.code) from None
         except Violation as violation:
             self._abort(index, sub, violation.code)
             raise self._refused(f"sdo-{access}-broken", index, sub, violation.code) from None
+        except _Endless:
+            self._abort(index, sub, sdo.ABORT_TIMED_OUT)
+            shown = Message(
+                f"sdo-{access}-endless", node=self.node, object=sdo_codes.address(index, sub), limit_s=limit_s
+            )
+            raise DeviceRefused(shown, code=sdo.ABORT_TIMED_OUT) from None
         except NoAnswer:
             raise DeviceSilent(self._time_out(access, index, sub, timeout_s, self.dropped - before)) from None
 
@@ -135,7 +149,12 @@ class SdoClient:
         return DeviceRefused(Message(id_, node=self.node, object=where, reason=reason, code=code), code=code)
 
     def _drive(
-        self, transfer: Generator[Exchange, bytes, TransferResult], index: int, sub: int, timeout_s: float
+        self,
+        transfer: Generator[Exchange, bytes, TransferResult],
+        index: int,
+        sub: int,
+        timeout_s: float,
+        until_s: float,
     ) -> TransferResult:
         try:
             exchange = next(transfer)
@@ -147,6 +166,8 @@ class SdoClient:
                 if answer is not None and exchange.send:
                     self._remember(exchange)
                     self._refuse_second_device()
+                if self._network.clock.monotonic_s() > until_s:
+                    raise _Endless
                 exchange = transfer.throw(NoAnswer()) if answer is None else transfer.send(answer)
         except StopIteration as done:
             result: TransferResult = done.value
@@ -188,7 +209,7 @@ class SdoClient:
 
     def _refuse_second_device(self) -> None:
         if self._consecutive_repeats + self._repeated >= _CONSECUTIVE_EXCHANGES:
-            raise BusFault("node-id-twice", node=self.node)
+            raise NodeShared("node-id-twice", node=self.node)
 
     def _time_out(self, access: Access, index: int, sub: int, timeout_s: float, dropped: int) -> Message:
         """Quarantines the node; returns the message."""

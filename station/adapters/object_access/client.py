@@ -7,7 +7,7 @@ from typing import Literal
 from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.object_access.request import ObjectProtocol, ObjectRefusal, ObjectRequest, Pending, Transport
 from station.domain.product import sdo_codes
-from station.errors import BusFault, DeviceRefused, DeviceSilent
+from station.errors import DeviceRefused, DeviceSilent, NodeShared
 from station.messages import Message, Value
 
 Address = tuple[int, int]
@@ -158,7 +158,7 @@ class ObjectClient:
 
     def _refuse_second_device(self) -> None:
         if self._consecutive_repeats + self._repeated >= _CONSECUTIVE_EXCHANGES:
-            raise BusFault("node-id-twice", node=self.node)
+            raise NodeShared("node-id-twice", node=self.node)
 
     def _leave_quarantine(self) -> None:
         if not self._quarantined:
