@@ -68,6 +68,15 @@ def test_batches_of_an_adapter_are_not_losses() -> None:
     assert _tale(list(number), 15, number // 8 * 8 * MS) == CounterErrors()
 
 
+@pytest.mark.parametrize("frames", [24, 30, 100])
+@pytest.mark.parametrize("together", [4, 8, 12])
+def test_frames_that_are_handed_over_some_at_a_time_are_not_losses(frames: int, together: int) -> None:
+    """Read and stamped late, a transfer's frames lie microseconds apart: a short dwell has three or four of them."""
+    number = np.arange(frames)
+    time_ns = (number // together + 1) * together * 20 * MS + number % together * 60_000
+    assert _tale(list(number), 15, time_ns) == CounterErrors()
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 def test_jitter_of_a_whole_period_is_not_a_loss(seed: int) -> None:
     number = np.arange(300)

@@ -11,6 +11,9 @@ STUCK_FRAMES = 4
 MAX_REORDERING = 2
 #: From this share of its time on, a turn counts as missed.
 WRAP_SHARE = 0.75
+#: From this ratio on between the mean time per frame and that of short stretches, frames come in bursts: not even three
+#: of four frames lost would slow them down so much.
+BURSTS = 4.0
 #: So many frames on either side of a pause are looked at; an adapter that holds back more is taken for a loss.
 WINDOW = 1024
 
@@ -76,18 +79,29 @@ def count_errors(step: NDArray[np.int64], bad_between: NDArray[np.int64]) -> Cou
 
 
 def _period(step: NDArray[np.int64] | None, time_ns: NDArray[np.int64]) -> float:
-    """Median time per frame over stretches of many frames, which neither pauses nor bursts nor losses move; 0: none.
+    """Median time per frame over stretches of many frames, which neither pauses nor losses move; 0: none. Where those
+    are but parts of bursts, the mean.
 
     step (n − 1); None: every frame is one ahead of the one before.
     """
     stretch = max(1, min(64, (len(time_ns) - 1) // 8))
     elapsed_ns: NDArray[np.int64] = time_ns[stretch:] - time_ns[:-stretch]
+    if not len(elapsed_ns):
+        return 0.0
     if step is None:
-        return float(np.median(elapsed_ns / stretch)) if len(elapsed_ns) else 0.0
+        return _over_bursts(float(np.median(elapsed_ns / stretch)), time_ns, len(time_ns) - 1)
     number = np.concatenate([[0], np.cumsum(step)])
     frames = number[stretch:] - number[:-stretch]
     elapsed_ns = elapsed_ns[frames > 0]
-    return float(np.median(elapsed_ns / frames[frames > 0])) if len(elapsed_ns) else 0.0
+    if not len(elapsed_ns):
+        return 0.0
+    return _over_bursts(float(np.median(elapsed_ns / frames[frames > 0])), time_ns, int(number[-1]))
+
+
+def _over_bursts(period_ns: float, time_ns: NDArray[np.int64], frames: int) -> float:
+    """The period, or the mean one over `frames` where frames come in bursts."""
+    mean_ns = int(time_ns[-1] - time_ns[0]) / max(frames, 1)
+    return mean_ns if mean_ns > BURSTS * period_ns else period_ns
 
 
 def _add_wraps(step: NDArray[np.int64], elapsed: NDArray[np.float64], values: int) -> None:
