@@ -77,6 +77,19 @@ def test_what_happened_around_it(layout: SensorLayout, recipe: Recipe, wrong: st
     assert checks(layout, recipe, readings(), **change) == {wrong}
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "late_ms", "wrong"),
+    [(100, 150, set()), (80, 0, {"rate"}), (80, 150, {"too-few"}), (125, 0, {"rate"}), (125, 150, {"rate"})],
+)
+def test_frames_that_were_held_back_on_their_way_tell_less_of_the_rate(
+    layout: SensorLayout, recipe: Recipe, rate_hz: int, late_ms: int, wrong: set[str]
+) -> None:
+    """An adapter, or a busy machine, hands over the first frames of the dwell together."""
+    came = frames(layout, readings(rate_hz), rate_hz)
+    held = Frames(np.maximum(came.time_ns, late_ms * 10**6), came.can_id, came.length, came.data)
+    assert {r.check for r in check(visit(layout, held), UP, recipe, layout)} == wrong
+
+
 def test_no_frames_at_all_is_silence(layout: SensorLayout, recipe: Recipe) -> None:
     found = check(visit(layout, Frames.empty()), UP, recipe, layout)
     assert [r.check for r in found] == ["silent"]

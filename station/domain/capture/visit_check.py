@@ -76,7 +76,7 @@ def _transport(d: Visit, recipe: Recipe) -> Iterator[Reason]:
             message = Message("foreign-sender", position=d.position, excess=round(excess), due=round(wanted))
             yield Reason(message, excess, EXCESS_SHARE * wanted, "1")
     rate = _rate_hz(d)
-    allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1)
+    allowed = recipe.device.clock_tolerance_ppm * 1e-6 + RATE_COUNTS / max(count, 1) + _held_back(d, recipe)
     if rate is not None and abs(rate / recipe.device.rate_hz - 1) > max(allowed, MIN_RATE_DEVIATION):
         nominal = recipe.device.rate_hz
         message = Message("visit-rate", rate_hz=rate, position=d.position, nominal_hz=nominal)
@@ -98,6 +98,17 @@ def _rate_hz(d: Visit) -> float | None:
     if len(time_ns) < 10 or not d.samples.frame_errors.clean:
         return None
     return (len(time_ns) - 1) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
+
+
+def _held_back(d: Visit, recipe: Recipe) -> float:
+    """The longest that frames were held back on their way, as a share of what their stamps span: so far the ends of the
+    dwell, and with them the rate, may be off."""
+    time_ns = d.samples.time_ns
+    if len(time_ns) < 2:
+        return 0.0
+    pauses_ns = np.diff(time_ns, prepend=d.from_ns, append=d.to_ns)
+    longest_s = float(pauses_ns.max()) / 1e9 - 1 / recipe.device.rate_hz
+    return max(longest_s, 0.0) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
 
 
 def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:
