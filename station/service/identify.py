@@ -6,8 +6,9 @@ from station.domain.product import number_format, writeback
 from station.domain.product.device_map import DeviceMap, DeviceSetting
 from station.domain.product.firmware import gate_refusals
 from station.domain.product.product import decode_serial, stored_serial
+from station.domain.product.sdo_codes import address
 from station.domain.run.unit_state import SWITCHED, UnitState
-from station.errors import DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
+from station.errors import DeviceChanged, DeviceRefused, ReadBackDiffers, StationError, WrongProduct, WrongUnit
 from station.messages import Message
 from station.ports.device import Identity
 from station.ports.store import Store
@@ -126,6 +127,22 @@ def _heartbeat_s(unit: Unit) -> float:
         return int.from_bytes(unit.device.upload(0x1017, 0), "little") / 1000
     except DeviceRefused:
         return 0.0
+
+
+def check_still_set(unit: Unit, job: Job, *, raw: bool) -> None:
+    """DeviceChanged when output or settings are no longer as `set_for_run` left them: what was read meanwhile may be of
+    either kind. A device that restarts without a word brings its output back as it is stored."""
+    expected = {
+        s.address: (s.wanted if raw or s.lasts else s.found, s.name)
+        for s in unit.settings
+        if s.wanted is not None and not s.may_refuse
+    }
+    if (switch := writeback.output(job.product.map, raw=raw)) is not None:
+        expected[switch.address] = switch.raw, switch.name
+    for at, (wanted, name) in expected.items():
+        if (read := unit.device.upload(*at)) != wanted:
+            shown = {"name": name, "object": address(*at), "read": read.hex(), "expected": wanted.hex()}
+            raise DeviceChanged("setting-changed", unit=unit.label, **shown)
 
 
 def set_compensated(unit: Unit, job: Job) -> None:

@@ -45,7 +45,14 @@ from station.ports.bus import Repeated
 from station.service import compute, history, process_data, record
 from station.service.bus_errors import with_bus_state
 from station.service.capture import Capture
-from station.service.identify import identify, make_ready, read_old_values, restore_as_found, set_for_run
+from station.service.identify import (
+    check_still_set,
+    identify,
+    make_ready,
+    read_old_values,
+    restore_as_found,
+    set_for_run,
+)
 from station.service.itinerary import estimate_s, tumble_visits, verification_visits
 from station.service.measure import RejectedUnits, VisitMeasurement
 from station.service.recovery import check_suspect_unit
@@ -283,6 +290,7 @@ class Load:
             return
         if not self._job.product.map.writes:  # measured and certified: the device keeps no calibration
             process_data.check_unchanged(unit, self._job)
+            check_still_set(unit, self._job, raw=True)
             yield from self._end(unit, None, Outcome.PASS)
             return
         self._writers[unit.attempt] = writer = WriteBack(unit, self._station, self._job)

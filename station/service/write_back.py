@@ -22,7 +22,7 @@ from station.errors import (
 from station.messages import Message
 from station.ports.store import WriteRecord
 from station.service import process_data
-from station.service.identify import objects_to_text, set_compensated
+from station.service.identify import check_still_set, objects_to_text, set_compensated
 from station.service.record import message_entry
 from station.service.station import Job, Station
 from station.service.unit import Address, Unit, check_no_foreign_master, check_not_rebooted, check_same_unit
@@ -59,6 +59,7 @@ class WriteBack:
         check_no_foreign_master(unit, self._station.foreign)
         check_same_unit(unit, self._job)
         process_data.check_unchanged(unit, self._job)
+        check_still_set(unit, self._job, raw=True)
         # The whole plan stands in the log before the first write: a crash in between is then recognised.
         self._station.store.result(unit.attempt, "write-plan", {"objects": objects_to_text(self._wanted())})
         done = False
@@ -146,6 +147,7 @@ class WriteBack:
             raise DeviceChanged("changed-after-verification", unit=unit.label, names=names)
         self._check_checksum()
         process_data.check_unchanged(unit, self._job)
+        check_still_set(unit, self._job, raw=False)
         if restarted or unit.device.boot_ups() != unit.boot_ups:
             raise DeviceChanged("unit-restarted", unit=unit.label, when=Message("while-verified"))
         if (age_s := unit.device.heartbeat_age_s()) > (limit_s := unit.heartbeat_limit_s):
