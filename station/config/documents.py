@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from station.config.validation_messages import mistakes
+from station.config.yaml_syntax import syntax_mistake, unusable_character
 from station.errors import InputError
 from station.messages import Message, system_reason
 
@@ -65,11 +66,13 @@ def load_document(path: Path, error: type[InputError] = InputError, most_bytes: 
     try:
         data = builder.build(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
     except yaml.MarkedYAMLError as exc:
-        line = exc.problem_mark.line + 1 if exc.problem_mark else 1
-        why = Message("line-not-yaml", why=exc.problem or exc.context or "")
+        line, why = syntax_mistake(text, exc)
         raise error("line-of-file", file=str(path), line=line, reason=why) from exc
-    except (yaml.YAMLError, RecursionError) as exc:
-        raise error("file-not-yaml", file=str(path), why=" ".join(str(exc).split())[:200]) from exc
+    except yaml.reader.ReaderError as exc:
+        line, why = unusable_character(text, exc)
+        raise error("line-of-file", file=str(path), line=line, reason=why) from exc
+    except RecursionError as exc:
+        raise error("file-nested-too-deep", file=str(path)) from exc
     return Document(path, data, builder.lines)
 
 

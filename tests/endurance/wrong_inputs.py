@@ -11,14 +11,26 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from station.errors import UsageError
 from tests.endurance.help_examples import parse_part
 from tests.fakes.command import Done, captured
 from tests.fakes.forked import forked
-from tests.fakes.wrong_examples import all_names, wrong_examples
-from tests.fakes.wrong_inputs import ENDED, FILES, WrongInput, all_commands, complaint, wrong_files, wrong_lines
+from tests.fakes.wrong_examples import all_names, write_wrong_files, wrong_examples
+from tests.fakes.wrong_inputs import (
+    ENDED,
+    FILES,
+    Complaint,
+    WrongInput,
+    all_commands,
+    complaint,
+    wrong_files,
+    wrong_lines,
+)
 
 #: What is right after all may go on so long.
 LIMIT_S = 8.0
+#: Endings of files in which SQLite tells other readers where it reads.
+_SQLITES_OWN = (".db-shm", ".db-wal")
 
 
 def main() -> int:
@@ -36,6 +48,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         tour = Path(name) / "tour"
         captured("demo", tour)
+        write_wrong_files(tour)
         for kind in kinds[number - 1 :: parts]:
             ours = _try_kind(kind, tour, random.Random(f"{wanted.seed}{kind}"), wanted.each, show=wanted.show)
             tried, bad = tried + ours[0], bad + ours[1]
@@ -47,7 +60,7 @@ def main() -> int:
 def _try_kind(kind: str, tour: Path, rng: random.Random, each: int, *, show: bool) -> tuple[int, int]:
     """So many were tried, so many refused badly."""
     folder = tour.with_name("here")
-    shutil.copytree(tour, folder)
+    shutil.copytree(tour, folder, symlinks=True)
     last = Done(0, "", "")
 
     def run(*words: str) -> Done:
@@ -58,7 +71,10 @@ def _try_kind(kind: str, tour: Path, rng: random.Random, each: int, *, show: boo
     tried = bad = 0
     for wrong in _inputs(kind, folder, rng, each):
         tried += 1
+        before = _kept(folder)
         found = complaint(wrong, run)
+        if found is None and last.returncode == UsageError.exit_code and (changed := before ^ _kept(folder)):
+            found = Complaint(wrong, f"changed {sorted({name for name, *_ in changed})}", last.stderr)
         if found is not None:
             bad += 1
             print(f"    {wrong.what}: {found.why}: {found.sentence[:300]}")
@@ -66,9 +82,19 @@ def _try_kind(kind: str, tour: Path, rng: random.Random, each: int, *, show: boo
             print(f"    {wrong.what}: {last.returncode} {last.stderr.strip()[:300]}")
         if last.returncode == ENDED:
             shutil.rmtree(folder)
-            shutil.copytree(tour, folder)
+            shutil.copytree(tour, folder, symlinks=True)
     shutil.rmtree(folder)
     return tried, bad
+
+
+def _kept(folder: Path) -> set[tuple[str, int, int]]:
+    """Name, size and time of every file."""
+    states = (
+        (path.relative_to(folder), path.lstat())
+        for path in folder.rglob("*")
+        if path.suffix not in _SQLITES_OWN and not path.is_dir()
+    )
+    return {(str(name), state.st_size, state.st_mtime_ns) for name, state in states}
 
 
 def _inputs(kind: str, folder: Path, rng: random.Random, each: int) -> Iterator[WrongInput]:

@@ -17,7 +17,15 @@ from tests.fakes.command import Done, captured
 LEAKS = re.compile(
     r"input should|type=|pydantic|validation error|traceback|nonetype|object has no attribute|expecting value|"
     r"codec can|unhashable|errno|<class| at 0x[0-9a-f]{8,}|tokenizing|arrowinvalid|keyerror|"
-    r"https?://errors|unsupported operand|\w+Warning: ",
+    r"https?://errors|unsupported operand|\w+Warning: |"
+    # PyYAML, SQLite, python-can, asyncio, PostgreSQL, OpenSSL
+    r"found character|could not find expected|while (parsing|scanning|attempting)|mapping values are|"
+    r"found undefined|block mapping|flow (sequence|mapping)|could not determine a constructor|"
+    r"file is not a database|unable to open database|no such (table|column)|disk image|OperationalError|"
+    r"unexpected file format|name or service not known|bind on address|connection is bad|connection to server|"
+    r"is a directory|not a directory|no such file or directory|permission denied|file name too long|"
+    r"embedded null|invalid literal|out of range for|could not convert|\bNoneType|\bttyp|\bstruct\.|"
+    r"ASN\.1|unsupported PEM|could not deserialize|<\w+\.\w+",
     re.IGNORECASE,
 )
 _SENTENCES = re.compile(r"[a-z0-9)'`]\. [A-Z`]")
@@ -30,7 +38,9 @@ VALUES = (
     "", "null", "nan", ".nan", ".inf", "-.inf", "1e400", "-1", "0", "9" * 400, "true", "[]", "{}", "[1, 2",
     "!!python/object:os.system x", "!!binary aGk=", "*nobody", "&a [*a]", "text", "[[[[1]]]]", "{a: 1, a: 2}",
     "-0x", "1_000", "'", '"open', "2026-13-45", "\t- x", "@at", "`tick", "%percent", "é", "\u202e",
-    "0b1", "1:30", "~", "<<", "- - -",
+    "0b1", "1:30", "~", "<<", "- - -", "-", "--", "10 V", "1,5", "5%", "2026-02-30", "9999-12-31T25:00",
+    "1969-12-31", "99999999999999", "SN0001/SN0002", "../../x", "/dev/full", "/proc/self/mem", "x" * 300,
+    "日本", "=", "a=", "2026-11-21T06:00+99:00", "-7d", "1e9d",
 )  # fmt: skip
 
 
