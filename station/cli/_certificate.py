@@ -1,10 +1,9 @@
 """The work of `station certificate`."""
 
-import errno
 import json
-import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,7 +16,7 @@ from station.config.settings import load_settings
 from station.domain.core.types import Outcome
 from station.domain.records.issued_certificate import IssuedFile, digest_of, edition_for, issued_files
 from station.errors import LogError, ReferenceOverdue, UsageError
-from station.files.replace import replacing
+from station.files.replace import check_replaceable, replacing
 from station.messages import render, system_reason
 from station.ports.log_reader import Query
 from station.reporting.certificate import dcc, document, facts, signature, wsjf
@@ -85,6 +84,9 @@ def write_certificate(
     ]
     # Made before the first is written: where one cannot be made, none is there.
     contents = [(kind, path, make()) for kind, path, make in wanted if path is not None]
+    for _, path, _ in contents:
+        with _refusal_of(path):
+            check_replaceable(path)
     for _, path, content in contents:
         _write(path, content)
         _output.print_line(str(path))
@@ -98,11 +100,14 @@ def write_certificate(
 
 
 def _write(path: Path, content: bytes) -> None:
+    with _refusal_of(path), replacing(path) as part:
+        part.write_bytes(content)
+
+
+@contextmanager
+def _refusal_of(path: Path) -> Iterator[None]:
     try:
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        with replacing(path) as part:
-            part.write_bytes(content)
+        yield
     except OSError as exc:
         raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 

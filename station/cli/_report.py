@@ -8,6 +8,7 @@ from station.cli import _output
 from station.cli._layout import TextTable
 from station.cli._pages import environment
 from station.errors import UsageError
+from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
 from station.ports.log_reader import Query
 from station.reporting.line import charts
@@ -66,7 +67,7 @@ def _page(log: "LogReader", drawn: charts.Charts, line: LineStatistics) -> str:
 
 def _write(path: Path, text: str) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        replace_text(path, text)
     except OSError as exc:
         raise UsageError("file-not-written", file=str(path), why=system_reason(exc)) from exc
 

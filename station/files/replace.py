@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+#: How a database of SQLite begins.
+_DATABASE = b"SQLite format 3\0"
+
 
 @contextmanager
 def replacing(path: Path, *, durable: bool = False, mode: int = 0o666) -> Iterator[Path]:
@@ -15,8 +18,7 @@ def replacing(path: Path, *, durable: bool = False, mode: int = 0o666) -> Iterat
     The place bears the file's ending, for writers that go by it. durable: both the content and the name are on the
     disk before this returns. mode: of the new file, less the umask. Errors: OSError.
     """
-    if path.is_dir():  # '.' too, which an empty word on a command line becomes
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    check_replaceable(path)
     part = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
     os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode))
     try:
@@ -28,6 +30,22 @@ def replacing(path: Path, *, durable: bool = False, mode: int = 0o666) -> Iterat
         part.unlink(missing_ok=True)
     if durable:
         _sync(path.parent)
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuses a place where no file may be written, and one where a device, a pipe or a log is. Errors: OSError."""
+    if path.is_dir():  # '.' too, which an empty word on a command line becomes
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not path.parent.is_dir():
+        number = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
+        raise OSError(number, os.strerror(number), str(path))
+    if not path.exists():
+        return
+    if not path.is_file():  # to be renamed over would end a device such as /dev/null for the whole machine
+        raise OSError(errno.ESPIPE, os.strerror(errno.ESPIPE), str(path))
+    with path.open("rb") as file:
+        if file.read(len(_DATABASE)) == _DATABASE:
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
 
 def replace_text(path: Path, text: str, *, durable: bool = False, mode: int = 0o666) -> None:

@@ -1,6 +1,8 @@
 """A file is replaced whole or not at all; a lock dies with whoever holds it."""
 
+import contextlib
 import os
+import sqlite3
 import stat
 from pathlib import Path
 
@@ -17,6 +19,24 @@ def test_the_file_holds_the_new_text_and_nothing_else_is_left(tmp_path: Path, du
     replace_text(path, "two", durable=durable)
     assert path.read_text() == "two"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_file_takes_the_place_of_a_log(tmp_path: Path) -> None:
+    log = tmp_path / "station.db"
+    with contextlib.closing(sqlite3.connect(log)) as made:
+        made.execute("create table records (a)")
+    content = log.read_bytes()
+    with pytest.raises(FileExistsError):
+        replace_text(log, "a report")
+    assert log.read_bytes() == content
+
+
+def test_no_file_takes_the_place_of_a_pipe_or_a_device(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="pipe"):
+        replace_text(pipe, "a report")
+    assert pipe.is_fifo()
 
 
 def test_what_fails_half_way_leaves_the_old_file(tmp_path: Path) -> None:
