@@ -143,15 +143,18 @@ def long_options(name: str) -> tuple[str, ...]:
     return tuple(o for p in _command(name).params for o in (*p.opts, *p.secondary_opts) if o.startswith("--"))
 
 
+def _module(name: str) -> Any:
+    """A command's module. `import` is a word of Python's own, so its file ends in an underscore."""
+    return importlib.import_module("station.cli." + name.replace("-", "_") + ("_" if keyword.iskeyword(name) else ""))
+
+
 @cache
 def _command(name: str) -> Any:
     """What typer makes of a command's function."""
     import typer
     from typer.main import get_command
 
-    # `import` is a word of Python's own, so its file ends in an underscore.
-    module = name.replace("-", "_") + ("_" if keyword.iskeyword(name) else "")
-    function = importlib.import_module(f"station.cli.{module}").command
+    function = _module(name).command
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=_help(function))(_finite(name, function))
     return get_command(app)
@@ -178,6 +181,8 @@ def _run(name: str, args: list[str]) -> int:
     import typer
 
     command = _command(name)
+    if "--help" not in args:
+        _check_belonging(name, args)
     try:
         code = command.main(args, prog_name=f"station {name}", standalone_mode=False)
     except typer.TyperException as exc:
@@ -189,6 +194,16 @@ def _run(name: str, args: list[str]) -> int:
     if code == _INTERRUPTED:
         raise Aborted("stopped-by-operator")
     return int(code or 0)
+
+
+def _check_belonging(name: str, args: list[str]) -> None:
+    """UsageError for an option that this call would not read: it goes with another action or option."""
+    goes_with: dict[str, tuple[str, ...]] = getattr(_module(name), "GOES_WITH", {})
+    words = {word.partition("=")[0] for word in args}
+    for option in (option for option in goes_with if option in words and not words & {*goes_with[option]}):
+        partners = " / ".join(goes_with[option])
+        why = Message("option-wrong", option=option, reason=Message("option-goes-with", partners=partners))
+        raise UsageError("command-line-wrong", command=name, why=why)
 
 
 def _help(function: Callable[..., Any]) -> str:

@@ -7,6 +7,9 @@ from typer import Argument, Option
 
 from station.cli._options import ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--key": ("--check",), "--sign-key": ("--xml",), "--sign-cert": ("--xml",)}
+
 
 def command(
     serial: Annotated[str | None, Argument(help="The unit.")] = None,

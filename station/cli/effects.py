@@ -7,6 +7,13 @@ from typer import Option
 
 from station.cli._options import AsJson
 
+#: Options that only go with one of these words.
+GOES_WITH = {
+    "--model": ("--write-hypothesis",),
+    "--formula": ("--write-hypothesis",),
+    "--into": ("--write-hypothesis",),
+}
+
 
 def command(
     json: AsJson = False,

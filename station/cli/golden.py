@@ -7,6 +7,12 @@ from typer import Argument, Option
 
 from station.cli._options import AsJson, ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {
+    "--bad": ("register",), "--within": ("register",), "--value": ("register",), "--due": ("register",),
+    "--svg": ("trend",),
+}  # fmt: skip
+
 
 def command(
     action: Annotated[str, Argument(help="register, remove, check, trend or list.")],

@@ -7,6 +7,11 @@ from typer import Argument, Option
 
 from station.cli._options import ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {
+    "--to": ("rotate",), "--key": ("revoke",), "--beyond": ("revoke",), "--by": ("revoke",), "--reason": ("revoke",)
+}  # fmt: skip
+
 
 def command(
     action: Annotated[str, Argument(help="rotate or revoke.")],

@@ -7,6 +7,9 @@ from typer import Option
 
 from station.cli._options import ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--role": ("--add",)}
+
 
 def command(
     recipe: Annotated[str | None, Option(help="Recipe of the runs: a file, or its name in recipes/.")] = None,

@@ -5,6 +5,12 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+#: Options that only go with one of these words.
+GOES_WITH = {
+    "--key": ("register",), "--log": ("adopt",), "--by": ("adopt",), "--reason": ("adopt",),
+    "--station": ("grant",), "--product": ("grant",), "--json": ("status", "verify"),
+}  # fmt: skip
+
 
 def command(
     action: Annotated[str, Argument(help="serve, status, register, adopt, grant, verify or retire.")] = "serve",

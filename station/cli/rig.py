@@ -2,6 +2,17 @@
 
 from station.cli import _rig_options as given
 
+#: Options that only go with one of these words.
+GOES_WITH = {
+    "--bench": ("check",), "--recipe": ("check",), "--mounted": ("check",), "--speed": ("check",),
+    "--db": ("axes",), "--since": ("axes",), "--units": ("axes",),
+    "--config": ("check", "axes"), "--correct": ("check", "axes"), "--json": ("check", "axes"),
+    "--channel": ("--simulate",), "--interface": ("--simulate",), "--host": ("--simulate",), "--port": ("--simulate",),
+    "--nests": ("--simulate",), "--loads": ("--simulate",), "--change-s": ("--simulate",),
+    "--scanner-port": ("--simulate",), "--memory": ("--simulate",), "--label": ("--simulate",),
+    "--fault": ("--simulate",), "--seconds": ("--simulate",), "--map": ("--simulate", "axes"),
+}  # fmt: skip
+
 
 def command(
     action: given.Action = "",

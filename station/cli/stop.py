@@ -7,6 +7,9 @@ from typer import Option
 
 from station.cli._options import AsJson, ConfigPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--accounts": ("--kill",)}
+
 
 def command(
     db: Annotated[Path | None, Option(help="The log that the run writes; left out: as config.yaml says.")] = None,

@@ -6,6 +6,9 @@ from typer import Option
 
 from station.cli._options import ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--every": ("--follow",)}
+
 
 def command(
     db: LogPath = None,
