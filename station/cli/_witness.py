@@ -7,7 +7,7 @@ from pathlib import Path
 
 from station.cli import _output
 from station.errors import StationFault, UsageError
-from station.messages import Message, render
+from station.messages import Message, render, system_reason
 
 
 def serve_witness(key: Path, heads: Path, stations: Sequence[str], host: str, port: int) -> int:
@@ -44,4 +44,4 @@ def listening(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port))
     except OSError as error:
-        raise StationFault("witness-not-listening", host=host, port=port, reason=str(error.strerror)) from error
+        raise StationFault("witness-not-listening", host=host, port=port, reason=system_reason(error)) from error

@@ -4,6 +4,8 @@ import errno
 
 from station.messages.message import Message
 
+#: getaddrinfo(3) numbers its refusals apart: EAI_NONAME, EAI_AGAIN, EAI_FAIL, EAI_NODATA, EAI_FAMILY, EAI_ADDRFAMILY.
+_NO_SUCH_HOST = (-2, -3, -4, -5, -6, -9)
 _REASONS = {
     errno.ENOENT: "system-no-such-file",
     errno.EACCES: "system-no-permission",
@@ -26,6 +28,18 @@ _REASONS = {
     errno.EADDRNOTAVAIL: "system-no-such-address",
     errno.ECONNREFUSED: "system-refused-connection",
     errno.ETIMEDOUT: "system-timed-out",
+    errno.ENETUNREACH: "system-no-route",
+    errno.EHOSTUNREACH: "system-no-route",
+    errno.ENETDOWN: "system-no-route",
+    errno.ECONNRESET: "system-connection-broken",
+    errno.ECONNABORTED: "system-connection-broken",
+    errno.EINVAL: "system-not-acceptable",
+    errno.EBUSY: "system-busy",
+    errno.ETXTBSY: "system-busy",
+    errno.ENODEV: "system-no-such-device",
+    errno.ENXIO: "system-no-such-device",
+    errno.ESPIPE: "system-not-ordinary",
+    **dict.fromkeys(_NO_SUCH_HOST, "system-no-such-host"),
 }
 
 

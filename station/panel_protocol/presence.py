@@ -7,6 +7,7 @@ from pathlib import Path
 
 from station.errors import StationFault
 from station.files import lock
+from station.messages import system_reason
 from station.panel_protocol.companion import Companion, companion_file
 
 
@@ -17,7 +18,7 @@ def serving(database: Path) -> Iterator[None]:
     try:
         handle = lock.open_shared(path)
     except OSError as exc:
-        raise StationFault("presence-not-made", path=str(path), reason=exc.strerror or "") from exc
+        raise StationFault("presence-not-made", path=str(path), reason=system_reason(exc)) from exc
     try:
         yield
     finally:

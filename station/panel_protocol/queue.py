@@ -9,6 +9,7 @@ from threading import Lock
 from station.errors import StoreFault
 from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.replace import replace_text
+from station.messages import system_reason
 
 SCHEMA = "station.queue/1"
 #: Loads that are remembered as cleared: a page that is started again must not bring an older one back.
@@ -123,7 +124,7 @@ class LoadQueue:
         try:
             replace_text(self._path, json.dumps({"schema": SCHEMA, **asdict(lists)}), durable=True)
         except OSError as exc:
-            raise StoreFault("queue-not-written", path=str(self._path), reason=exc.strerror or "") from exc
+            raise StoreFault("queue-not-written", path=str(self._path), reason=system_reason(exc)) from exc
         self._stamp, self._state = _file_stamp(self._path), lists
 
 

@@ -146,7 +146,7 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
         (["--head", f"5:{'a' * 64}"], "add --verify"),
         (["--limit", "0"], "--limit"),
         (["--outcome", "passed"], "'passed' is not an outcome; choose one of PASS, FAIL"),
-        (["--verify", "--key", "none.pem"], "The public key none.pem is not PEM"),
+        (["--verify", "--key", "none.pem"], "none.pem cannot be read (no such file or folder)"),
     ],
 )
 def test_wrong_questions_end_in_one_sentence(db: Path, args: list[str], sentences: str, capsys: Out) -> None:

@@ -1,6 +1,5 @@
 """CAN logs that python-can reads for us (.blf, .asc, .mf4) → Frames, block by block."""
 
-import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -16,9 +15,6 @@ BLOCK = 65_536
 #: What its readers raise on a file that is none of theirs, cut off or corrupt, beside errors of their own.
 _CORRUPT = (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError, struct.error, zlib.error)
 
-#: How readers name what they were handed: an open file.
-_OPENED_FILE = re.compile(r'"?<_io\.[^>]*>"?')
-
 
 def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
     """Frames by python-can's own reader for the ending, in blocks. Errors: LogError."""
@@ -31,9 +27,8 @@ def by_python_can(path: Path, channel: str | None) -> Iterator[Frames]:
                 messages = (m for m in reader if channel in (None, str(m.channel)))
                 while block := list(islice(messages, BLOCK)):
                     yield to_frames(block, [round(m.timestamp * 1e9) for m in block])
-        except errors as error:
-            why = _OPENED_FILE.sub("it", " ".join(str(error).split()))
-            raise LogError("recording-not-readable", file=str(path), kind=path.suffix, why=why) from None
+        except errors:
+            raise LogError("recording-not-readable", file=str(path), kind=path.suffix) from None
 
 
 def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:

@@ -1,5 +1,6 @@
 """Connections to PostgreSQL: made when first needed, kept while they are well, and its complaints as sentences."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock
@@ -16,6 +17,15 @@ except ImportError as missing:
 _CONNECT_TIMEOUT_S = 5
 #: Whoever holds a row, a table or the migration's lock for longer gets the next one refused, and it comes again.
 _LOCK_TIMEOUT_S = 10.0
+#: Why the client library did not get in, by its words: it gives these refusals no code.
+_NOT_CONNECTED = (
+    (r"password|authentication|pg_hba", "plant-no-entry"),
+    (r"role .* does not exist", "plant-no-entry"),
+    (r"database .* does not exist", "plant-no-database"),
+    (r"translate host name|resolve host", "system-no-such-host"),
+    (r"timeout|timed out", "system-timed-out"),
+    (r"SSL|certificate", "plant-tls-refused"),
+)
 
 
 @contextmanager
@@ -24,8 +34,15 @@ def translate_errors(kind: type[StationError], location: str, id_: str = "plant-
     try:
         yield
     except psycopg.Error as error:
-        why = " ".join(str(error.diag.message_primary or error).split()) or type(error).__name__
-        raise kind(Message(id_, location=location, why=why)) from error
+        raise kind(Message(id_, location=location, why=_reason(error))) from error
+
+
+def _reason(error: psycopg.Error) -> Message:
+    """Why there is no connection; of a statement, what the server says."""
+    if error.diag.message_primary:
+        return Message.text(" ".join(error.diag.message_primary.split()))
+    said = str(error)
+    return next((Message(id_) for words, id_ in _NOT_CONNECTED if re.search(words, said)), Message("plant-no-server"))
 
 
 def connect(address: str, *, read_only: bool = False) -> "psycopg.Connection":

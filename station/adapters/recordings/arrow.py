@@ -9,6 +9,7 @@ from station.adapters.recordings.limits import check_names, check_shape, check_u
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
+from station.messages import Message
 
 
 def read_parquet(path: Path) -> list[RawTable]:
@@ -26,8 +27,7 @@ def read_parquet(path: Path) -> list[RawTable]:
             check_unfolded(str(path), path.stat().st_size, unfolded)
             table = file.read(use_threads=False)
     except (pa.ArrowException, UnicodeDecodeError) as exc:
-        reason = " ".join(str(exc).split())[:120]
-        raise SamplesError("recording-not-parsed", file=str(path), reason=reason) from exc
+        raise SamplesError("recording-not-parsed", file=str(path), reason=Message("content-damaged")) from exc
     if table.num_rows == 0 or table.num_columns == 0:
         raise SamplesError("recording-empty", file=str(path))
     columns = []

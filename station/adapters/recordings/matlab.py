@@ -11,6 +11,7 @@ from station.adapters.recordings.limits import MOST_COLUMNS, check_shape
 from station.domain.core.types import Array
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
+from station.messages import Message
 
 _CORRUPT = (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, OverflowError, zlib.error)
 #: Names of scalars that state the rate.
@@ -27,9 +28,8 @@ def read(path: Path) -> list[RawTable]:
         found = io.loadmat(file, squeeze_me=True, struct_as_record=False, mat_dtype=False)
     except NotImplementedError:
         found = _hdf5(path)
-    except (*_CORRUPT, MatReadError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise SamplesError("recording-not-parsed", file=file, reason=reason) from None
+    except (*_CORRUPT, MatReadError):
+        raise SamplesError("recording-not-parsed", file=file, reason=Message("content-damaged")) from None
     groups: dict[int, list[RawColumn]] = {}
     rate_hz = None
     for name, value in _leaves({k: v for k, v in found.items() if not k.startswith("__")}):
@@ -66,9 +66,8 @@ def _hdf5(path: Path) -> dict[str, Any]:
     try:
         with h5py.File(path, "r") as file:
             file.visititems(keep)
-    except _CORRUPT as error:
-        reason = " ".join(str(error).split())[:120]
-        raise SamplesError("recording-not-parsed", file=str(path), reason=reason) from None
+    except _CORRUPT:
+        raise SamplesError("recording-not-parsed", file=str(path), reason=Message("content-damaged")) from None
     return found
 
 

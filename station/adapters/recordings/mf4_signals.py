@@ -8,6 +8,7 @@ import numpy as np
 from station.adapters.recordings.limits import MOST_COLUMNS
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
+from station.messages import Message
 
 
 def read(path: Path) -> list[RawTable]:
@@ -26,7 +27,7 @@ def read(path: Path) -> list[RawTable]:
     except MemoryError:
         raise
     except Exception as error:
-        raise SamplesError("recording-not-parsed", file=str(path), reason="its reader breaks off") from error
+        raise SamplesError("recording-not-parsed", file=str(path), reason=Message("content-damaged")) from error
     return [RawTable(str(path), tuple(columns)) for columns in bases.values()]
 
 

@@ -1,19 +1,23 @@
 """A file by what is in it → raw tables, within limits of size."""
 
+import errno
 from pathlib import Path
 
 from station.adapters.recordings import limited, text
 from station.adapters.recordings.limits import MOST_BYTES
 from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError
+from station.messages import system_reason
 
 
 def read_tables(path: Path) -> list[RawTable]:
     """The tables of a file, one for each time base; none of an MF4 that holds CAN frames. Errors: SamplesError."""
     try:
         size = path.stat().st_size
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "", str(path))
         if not path.is_file():
-            raise SamplesError("recording-not-found", file=str(path))
+            raise OSError(errno.ESPIPE, "", str(path))
         if size > MOST_BYTES:
             raise SamplesError("recording-too-large", file=str(path), size_mb=size / 1e6, limit_mb=MOST_BYTES / 1e6)
         with path.open("rb") as file:
@@ -22,7 +26,7 @@ def read_tables(path: Path) -> list[RawTable]:
     except FileNotFoundError:
         raise SamplesError("recording-not-found", file=str(path)) from None
     except OSError as error:
-        raise SamplesError("recording-unreadable", file=str(path), reason=str(error.strerror)) from None
+        raise SamplesError("recording-unreadable", file=str(path), reason=system_reason(error)) from None
 
 
 def _read(path: Path, head: bytes) -> list[RawTable]:

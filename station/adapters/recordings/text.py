@@ -87,8 +87,8 @@ def _parsed(file: str, lines: list[str], found: Dialect, places: list[int]) -> t
     convert = csv.ConvertOptions(decimal_point=found.decimal, null_values=nulls, strings_can_be_null=True)
     try:
         table = csv.read_csv(io.BytesIO("\n".join(lines).encode()), options, parse, convert)
-    except pa.ArrowInvalid as error:
-        raise SamplesError("recording-not-parsed", file=file, reason=" ".join(str(error).split())[:120]) from None
+    except pa.ArrowInvalid:
+        raise SamplesError("recording-not-parsed", file=file, reason=Message("content-damaged")) from None
     if len(wrong) > max(RAGGED * len(lines), 1):
         line, cells = wrong[0]
         number = places[min(max(line - 1, 0), len(places) - 1)] + 1

@@ -7,6 +7,7 @@ import numpy as np
 
 from station.domain.recognition.samples import UnitRecording
 from station.errors import SamplesError
+from station.messages import system_reason
 
 
 def write_recording(passes: Sequence[UnitRecording], path: Path) -> None:
@@ -35,4 +36,4 @@ def write_recording(passes: Sequence[UnitRecording], path: Path) -> None:
         else:
             parquet.write_table(table, str(path), compression="zstd")
     except OSError as error:
-        raise SamplesError("file-not-writable", file=str(path), reason=str(error.strerror)) from None
+        raise SamplesError("file-not-writable", file=str(path), reason=system_reason(error)) from None

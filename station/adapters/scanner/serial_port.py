@@ -10,6 +10,7 @@ from pydantic import Field
 from station.adapters.scanner._lines import LineBuffer, trigger_bytes
 from station.domain.recipe.fields import StrictModel
 from station.errors import ConfigError, StationFault
+from station.messages import system_reason
 
 if TYPE_CHECKING:
     from serial import Serial
@@ -42,7 +43,7 @@ class SerialPortScanner:
             return self._answer(port, time.monotonic() + timeout_s)
         except OSError as exc:  # SerialException is one
             self.close()
-            why = " ".join(str(exc).split())[:120]
+            why = system_reason(exc)
             raise StationFault("scanner-port", port=self._settings.port, why=why) from exc
 
     def close(self) -> None:

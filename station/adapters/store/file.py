@@ -1,5 +1,6 @@
 """Opens the log's file: checks what it is, sets how it is kept, makes or migrates its tables."""
 
+import errno
 import os
 import sqlite3
 from contextlib import closing, suppress
@@ -156,6 +157,8 @@ def _preallocate_wal(wal: Path) -> None:
 def open_for_reading(path: Path) -> Database:
     """The log, opened so that nothing can be changed. Errors: LogError."""
     with translate_errors(LogError, path, "read"):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "", str(path))
         if not path.is_file():
             raise LogError("log-missing", path=str(path))
         check_companions(path.resolve(), LogError)

@@ -16,7 +16,7 @@ from station.domain.records.head import AnchorFinding
 from station.domain.records.json_object import json_object
 from station.domain.records.key_schedule import KeyChange, KeySchedule, Revocation
 from station.errors import ConfigError, UsageError
-from station.messages import Message
+from station.messages import Message, system_reason
 
 KEY_EVENT, REVOKED_EVENT = key_schedule.KEY_EVENT, key_schedule.REVOKED_EVENT
 
@@ -40,7 +40,9 @@ def load_signer(path: Path, passphrase: bytes | None = None) -> Signer:
         encrypted = b"ENCRYPTED" in data
         key = load_pem_private_key(data, passphrase if encrypted else None)
     except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as exc:
-        if isinstance(exc, OSError) or not encrypted:
+        if isinstance(exc, OSError):
+            raise ConfigError("file-unreadable", file=str(path), why=system_reason(exc)) from exc
+        if not encrypted:
             raise ConfigError("station-key-unreadable", path=str(path)) from exc
         raise ConfigError("station-key-passphrase", path=str(path)) from exc
     if not isinstance(key, Ed25519PrivateKey):
@@ -57,7 +59,9 @@ def load_public_key(path: Path) -> bytes:
     try:
         data = path.read_bytes()
         key = load_pem_private_key(data, None).public_key() if b"PRIVATE" in data else load_pem_public_key(data)
-    except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as exc:
+    except OSError as exc:
+        raise UsageError("file-unreadable", file=str(path), why=system_reason(exc)) from exc
+    except (ValueError, TypeError, UnsupportedAlgorithm) as exc:
         raise UsageError("public-key-unreadable", path=str(path)) from exc
     if not isinstance(key, Ed25519PublicKey):
         raise UsageError("key-other-kind", path=str(path))

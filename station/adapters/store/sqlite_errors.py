@@ -35,7 +35,7 @@ def translate_errors(kind: type[StationError], path: Path, doing: Doing) -> Iter
     try:
         yield
     except sqlite3.Error as exc:
-        raise kind(_refusal(doing, path, _sqlite_reason(exc))) from exc
+        raise kind(_refusal(doing, path, sqlite_reason(exc))) from exc
     except OSError as exc:
         raise kind(_refusal(doing, path, os_error_reason(exc))) from exc
     except OverflowError as exc:
@@ -46,7 +46,8 @@ def _refusal(doing: Doing, path: Path, reason: Message) -> Message:
     return Message(_SENTENCES[doing], path=str(path), reason=reason)
 
 
-def _sqlite_reason(exc: sqlite3.Error) -> Message:
+def sqlite_reason(exc: sqlite3.Error) -> Message:
+    """SQLite's complaint with its remedy."""
     id_ = _SQLITE.get(getattr(exc, "sqlite_errorcode", 0) & 0xFF)
     return Message(id_) if id_ else Message.text(" ".join(f"{exc}".split()))
 

@@ -13,7 +13,7 @@ from station.adapters.store import anchor, keys
 from station.adapters.store.file import altered_objects
 from station.adapters.store.log_anchors import StoredLogEnd
 from station.adapters.store.schema import COLUMNS
-from station.adapters.store.sqlite_errors import is_damage
+from station.adapters.store.sqlite_errors import is_damage, sqlite_reason
 from station.domain.records import chain
 from station.domain.records.chain import ChainVerifier, IntegrityFinding, SealedRecord
 from station.domain.records.framepack import plain
@@ -54,8 +54,8 @@ def findings(
         yield from _pages(db)
     except sqlite3.DatabaseError as exc:
         if not is_damage(exc):
-            raise LogError("log-not-read", path=str(path), reason=Message.text(str(exc))) from exc
-        yield IntegrityFinding("damaged", "", 0, Message("log-file-damaged", path=str(path), why=str(exc)))
+            raise LogError("log-not-read", path=str(path), reason=sqlite_reason(exc)) from exc
+        yield IntegrityFinding("damaged", "", 0, Message("log-file-damaged", path=str(path), why=sqlite_reason(exc)))
     finally:
         with suppress(sqlite3.DatabaseError):  # of a damaged file even the end of a snapshot fails
             connection.execute("RELEASE verification")
