@@ -15,10 +15,11 @@ def open_named_log(db: Path | None, config: Path | None) -> "LogReader":
     """The log named on the command line, or else the one that config.yaml names. Errors: LogError, ConfigError."""
     from station.wiring.logs import open_log
 
-    if db is None:
+    if db is None or config is not None:
         from station.config.settings import load_settings
 
-        db = Path(load_settings(config).database)
+        database = load_settings(config).database
+        db = db or Path(database)
     return open_log(db)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from station.cli import _output
 from station.cli._layout import TextTable
 from station.cli._msa_runs import StudyCell, measure_missing
+from station.cli._serials import check_given
 from station.config.settings import load_settings
 from station.domain.core.types import Floats
 from station.domain.line_quality import accuracy, msa
@@ -215,6 +216,7 @@ def _readings_of_log(order: RunOrder, request: MsaRequest) -> Floats:
             raise UsageError("msa-too-few-parts", nests=request.nests)
         wanted = {(s, n): request.trials for s in serials for n in nests[: request.nests]}
     if request.measures_missing:
+        check_given(order, serials)
         measure_missing(order, wanted, _reading_counts(order, request, serials))
     return _complete_readings(order, request, wanted)
 

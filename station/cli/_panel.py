@@ -22,7 +22,7 @@ from station.web.run_launcher import LaunchOptions
 from station.wiring.accounts import change_account, known_seal
 from station.wiring.alerts import watching_in_background
 from station.wiring.jobs import load_job
-from station.wiring.logs import open_log, plant_address
+from station.wiring.logs import check_is_log, open_log, plant_address
 from station.wiring.page_seals import sealing_in_background
 from station.wiring.rehearsal import is_rehearsal
 from station.wiring.shipping import shipping_in_background
@@ -149,6 +149,8 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
     people = where.people(settings)
     if order.database.is_dir():
         raise StoreFault("log-not-opened", path=str(order.database), reason=Message("log-is-folder"))
+    if not plant:
+        check_is_log(order.database)
     if not accounts.load(people):
         if pace is None:
             raise ConfigError("panel-nobody", file=str(people))

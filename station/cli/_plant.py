@@ -1,5 +1,7 @@
 """The face of the plant: settings in, then a server until it is stopped; and what a person decides about it."""
 
+import json
+import re
 import ssl
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -14,7 +16,7 @@ from station.files.system_errors import os_error_reason
 from station.messages import Message, render
 from station.ports.plant import QuarantineEntry
 from station.web.plant import Entrances, PlantFace, connection_options, create_plant_app
-from station.wiring.plant import Plant, new_token, open_plant
+from station.wiring.plant import Plant, check_public_key, new_token, open_plant
 
 SCHEMA = "station.plant-status/1"
 
@@ -112,10 +114,11 @@ def register(config: Path, name: str, key: Path | None) -> int:
     if key is None:
         raise UsageError("plant-register-form", name=name)
     settings = load_plant(config)
+    check_public_key(key)
     if name in [s.name for s in settings.stations]:
         raise UsageError("plant-registered-already", name=name, config=str(config))
     token, digest = new_token()
-    entry = f"  - {{name: {name}, public_key: {key}, token_sha256: {digest}}}\n"
+    entry = f"  - {{name: {_quoted(name)}, public_key: {_quoted(str(key))}, token_sha256: {digest}}}\n"
     text = config.read_text(encoding="utf-8").rstrip("\n") + "\n"
     lines = text.splitlines(keepends=True)
     at = next((i for i, line in enumerate(lines) if line.startswith("stations:")), None)
@@ -129,6 +132,11 @@ def register(config: Path, name: str, key: Path | None) -> int:
     _output.print_message(Message("plant-registered", name=name, config=str(config)))
     _output.print_raw(token)
     return 0
+
+
+def _quoted(text: str) -> str:
+    """Text as YAML takes it within braces."""
+    return text if re.fullmatch(r"[A-Za-z/][\w./-]*", text, re.ASCII) else json.dumps(text, ensure_ascii=False)
 
 
 def _check_and_write(config: Path, text: str) -> None:

@@ -13,7 +13,7 @@ from station.cli import _output
 from station.cli._confirm import PageConfirmation, wait_for_person
 from station.cli._pacing import RealTimePacer
 from station.cli._results import print_results, run_document, run_row
-from station.cli._serials import ask_serials, assign_nests
+from station.cli._serials import ask_serials, assign_nests, check_given
 from station.cli._stop_signals import stop_signals, stop_socket
 from station.domain.core.folded_reasons import MOST_OF_A_KIND
 from station.domain.core.types import Outcome
@@ -70,6 +70,8 @@ class RunOptions:
 
 def run_units(order: RunOrder, given: Sequence[str], units: int | None, face: RunOptions) -> int:
     """Opens the station, takes every unit through it, and says how it went; the exit code."""
+    if given:
+        check_given(order, given)
     stop = StopRequest()
     with stop_signals(stop), ExitStack() as opened:
         with stop:  # nothing has begun: a signal may end it at once

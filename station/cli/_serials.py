@@ -3,10 +3,14 @@
 import sys
 from collections.abc import Iterator, Sequence
 
+from station.config.settings import load_settings
 from station.domain.core.types import NestAssignment
+from station.domain.product.product import serial_of
 from station.domain.recipe import serial
 from station.errors import UsageError
 from station.wiring.bench import Bench
+from station.wiring.jobs import load_job
+from station.wiring.run_order import RunOrder
 
 #: A scanner that floods is no scanner.
 LONGEST_LINE = 200
@@ -24,6 +28,13 @@ def ask_serials(bench: Bench, given: Sequence[str], units: int | None) -> tuple[
     if not found:
         raise UsageError("no-serials")
     return found
+
+
+def check_given(order: RunOrder, serials: Sequence[str]) -> None:
+    """UsageError for serials that are none of the recipe's or the product's, before a log is made for them."""
+    job, _ = load_job(order.recipe or load_settings(order.config).recipe)
+    for text in serial.check_all(serials, job.recipe):
+        serial_of(job.product.map, text)
 
 
 def assign_nests(bench: Bench, serials: Sequence[str], nests: Sequence[str]) -> list[tuple[NestAssignment, ...]]:

@@ -17,6 +17,7 @@ from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
 from station.errors import ConfigError, LogError, StoreFault
+from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
 from station.service.witness import Witness
 
@@ -31,6 +32,19 @@ def open_log(path: Path | str) -> LogReader:
 def find_log(path: Path) -> LogReader | None:
     """The log, to be read; None where nothing was ever run. Errors: LogError."""
     return open_log(path) if plant_address(path) or path.exists() else None
+
+
+def check_is_log(path: Path) -> None:
+    """LogError where there is a file that is no log; one of an older version, or an empty one, will do."""
+    try:
+        log = find_log(path)
+    except LogError as exc:
+        reason = exc.message.parameters.get("reason")
+        if exc.message.id == "log-other-database" or (isinstance(reason, Message) and reason.id == "log-no-database"):
+            raise
+        return
+    if log is not None:
+        log.close()
 
 
 def plant_address(path: Path | str) -> str:

@@ -37,6 +37,11 @@ class Plant:
     clock: Clock
 
 
+def check_public_key(path: Path) -> None:
+    """UsageError where a file is no public key of a station."""
+    keys.load_public_key(path)
+
+
 @contextmanager
 def open_plant(settings: PlantSettings) -> Iterator[Plant]:
     """The plant, its database brought to this version's schema. Errors: ConfigError, UsageError, StoreFault."""

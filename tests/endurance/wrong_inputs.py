@@ -8,6 +8,7 @@ import argparse
 import random
 import shutil
 import tempfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,8 +30,8 @@ from tests.fakes.wrong_inputs import (
 
 #: What is right after all may go on so long.
 LIMIT_S = 8.0
-#: Endings of files in which SQLite tells other readers where it reads.
-_SQLITES_OWN = (".db-shm", ".db-wal")
+#: Endings of files that say who has a log open.
+_OPENED = (".db-shm", ".db-wal", ".lock")
 
 
 def main() -> int:
@@ -87,14 +88,10 @@ def _try_kind(kind: str, tour: Path, rng: random.Random, each: int, *, show: boo
     return tried, bad
 
 
-def _kept(folder: Path) -> set[tuple[str, int, int]]:
-    """Name, size and time of every file."""
-    states = (
-        (path.relative_to(folder), path.lstat())
-        for path in folder.rglob("*")
-        if path.suffix not in _SQLITES_OWN and not path.is_dir()
-    )
-    return {(str(name), state.st_size, state.st_mtime_ns) for name, state in states}
+def _kept(folder: Path) -> set[tuple[str, int]]:
+    """Name and content of every file but those that say who has a log open."""
+    files = (p for p in folder.rglob("*") if p.suffix not in _OPENED and (p.is_symlink() or p.is_file()))
+    return {(str(p.relative_to(folder)), 0 if p.is_symlink() else zlib.crc32(p.read_bytes())) for p in files}
 
 
 def _inputs(kind: str, folder: Path, rng: random.Random, each: int) -> Iterator[WrongInput]:

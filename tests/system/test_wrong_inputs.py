@@ -62,12 +62,27 @@ rehearsal: {device_state: devices}
         "calibrate --recipe six-point --samples .",
         "line --simulate --loads 1 --device-state readings.csv",
         "device --interface virtual --channel here --node 17 --serial 99999999999999999999",
+        "panel --simulate --db readings.csv --port 0",
+        "watch --db typo.yaml",
+        "audit --db .",
+        "audit --verify --key nowhere.pem",
+        "import . --out s.csv",
+        "effects --into here",
+        "golden trend SN0001 --due 2035-06-30",
+        "key rotate --to new.key --reason stolen",
+        "rig --simulate plc --since 7d",
+        "rig check --bench --loads 3",
+        "plant register bench-1 --key readings.csv --config plant.yaml",
+        "msa type1 --serial SN0001/2 --repeats 5 --reference 0.1 --simulate --db new.db",
+        "run --simulate --serial SN1/2 --db new.db",
     ],
 )
 def test_what_a_newcomer_types(line: str, here: Path) -> None:
     Path("other.json").write_text('{"schema": "station.golden/1"}')
     Path("typo.yaml").write_text(_REHEARSAL.replace("interface:", "interfce:"))
     Path("readings.csv").write_text("part,appraiser,trial,value\n" + "1,A,1,0.1\n" * 8)
-    words = shlex.split(line)
+    Path("plant.yaml").write_text('schema: station.plant/1\ndatabase: "postgresql:///plant"\n')
+    words, before = shlex.split(line), set(here.iterdir())
     assert complaint(WrongInput("line", tuple(words))) is None
     assert captured(*words).returncode == 2
+    assert set(here.iterdir()) == before
