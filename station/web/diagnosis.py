@@ -75,7 +75,9 @@ async def show_report(request: Request, _session: Session) -> Response:
     if not (folder / "report.html").exists():
         raise UsageError("diagnosis-unknown")
     headers = {"Content-Security-Policy": _REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
-    return HTMLResponse((folder / "report.html").read_bytes(), headers=headers)
+    look = render.theme_of(request) or "auto"
+    report = (folder / "report.html").read_bytes().replace(b"<html ", f'<html class="{look}" '.encode(), 1)
+    return HTMLResponse(report, headers=headers)
 
 
 @require_right("diagnose")

@@ -89,7 +89,7 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
             role=str(account.role) if account else "",
             may={right: bool(account and account.may(right) and panel.offers(right)) for right in RIGHTS},
             csrf=session.csrf if session else "",
-            theme=_theme(request),
+            theme=theme_of(request),
             themes=("auto", *THEMES),
             **values,
         )
@@ -98,11 +98,11 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
     if request.query_params.get("language") == code:
         answer.set_cookie(language.LANGUAGE_COOKIE, code, max_age=365 * 86400, samesite="strict")
     if "theme" in request.query_params:
-        answer.set_cookie(THEME_COOKIE, _theme(request), max_age=365 * 86400, samesite="strict")
+        answer.set_cookie(THEME_COOKIE, theme_of(request), max_age=365 * 86400, samesite="strict")
     return answer
 
 
-def _theme(request: Request) -> str:
+def theme_of(request: Request) -> str:
     """The appearance that was chosen by link and is remembered by cookie; '' is that of the reader's system."""
     wished = request.query_params.get("theme", request.cookies.get(THEME_COOKIE, ""))
     return wished if wished in THEMES else ""

@@ -46,6 +46,9 @@ def test_picked_units_are_diagnosed_and_the_report_opens(tmp_path: Path) -> None
         alone = client.get(at.replace("/diagnosis", "/diagnosis/report"))
         assert "<svg" in alone.text
         assert "sandbox" in alone.headers["content-security-policy"]
+        assert '<html class="auto" ' in alone.text
+        dark = client.get(f"{at.replace('/diagnosis', '/diagnosis/report')}&theme=dark")
+        assert '<html class="dark" ' in dark.text, "as the page around it"
         assert at.partition("name=")[2] in client.get("/diagnosis").text, "among the earlier ones"
         begun = client.post("/diagnose", data=token | {"nest": "B", "since": "1d"})
         found = diagnosis_jobs.diagnosis_state(panel, begun.headers["location"].partition("name=")[2])
