@@ -59,3 +59,9 @@ def test_directions_that_are_alike_are_one_orientation() -> None:
 def test_a_recording_too_short_to_tell_is_refused() -> None:
     with pytest.raises(SamplesError, match="too short"):
         rest_segments.find(np.arange(100) / 100, np.zeros((100, 3)))
+
+
+def test_a_sensor_whose_steps_hide_its_noise_rests_between_two_codes(rng: np.random.Generator) -> None:
+    """Many windows read one code only, and others at rest go to and fro between two."""
+    time_s, reading, _ = recording(rng, 12, 4.0, 0.004)
+    assert len(rest_segments.find(time_s, np.round(32 * reading))) == 12

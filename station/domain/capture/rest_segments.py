@@ -15,6 +15,8 @@ QUIET_SHARE = 0.05
 #: A window moves when its standard deviation is above (1 + MOTION_MARGIN/√n) times that noise: ten of its own
 #: deviations at 100 readings, where n readings know a standard deviation to 1/√(2n).
 MOTION_MARGIN = 10.0
+#: A reading that goes to and fro between two codes scatters by half a step.
+BETWEEN_CODES = 0.51
 #: This share of a window at either end may still move; a disturbance that short does not end a stretch.
 EDGE_SHARE = 0.2
 #: Means on both sides of a row differ when they are this many robust deviations of such differences apart …
@@ -38,17 +40,25 @@ def find(time_s: Floats, reading: Floats) -> Ints:
     """
     window = _window(time_s)
     std = _moving_std(reading, window)
+    code = np.array([_smallest_difference(column) for column in reading.T])
     quiet = np.quantile(std, QUIET_SHARE, axis=0) * (1 + MOTION_MARGIN / np.sqrt(window))
+    quiet = np.maximum(quiet, BETWEEN_CODES * code)
     still = (std <= quiet).all(axis=1) & ~_straddles_gap(time_s, window)
     runs = _runs(still)
     if not len(runs):
         return np.zeros((0, 2), np.int64)
     edge = runs + np.array([0, window - 1])
     short = round(EDGE_SHARE * window)
-    step = _step_threshold(reading, still, window)
+    step = np.maximum(_step_threshold(reading, still, window), code)
     parts = [part for a, b in _joined(reading, edge, short, step) for part in _split(reading, a, b, window, step)]
     trimmed = np.array(parts, np.int64).reshape(-1, 2) + np.array([short, -short])
     return np.asarray(trimmed[trimmed[:, 1] - trimmed[:, 0] >= window - 2 * short])
+
+
+def _smallest_difference(column: Floats) -> float:
+    """Of neighbouring readings (n) that differ by more than rounding."""
+    apart = np.abs(np.diff(column))
+    return float(np.min(apart[apart > 1e-6 * np.ptp(column)], initial=np.ptp(column)))
 
 
 def _runs(flag: NDArray[np.bool_]) -> Ints:

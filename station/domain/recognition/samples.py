@@ -18,6 +18,8 @@ from station.messages import Message
 
 #: A recording that rests for less than this share of its time, in fewer orientations, is no tumble.
 LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
+#: Nor is one that rests for less than this share and comes back to one orientation every time.
+LEAST_REST_IN_ONE = 0.9
 #: Runs are counted in 32 bits.
 LAST_RUN = 2**31 - 1
 
@@ -125,7 +127,8 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
         raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
     means = np.array([recording.reading[a:b].mean(axis=0) for a, b in edges])
     poses = int(rest_segments.orientations(means).max()) + 1
-    if share < LEAST_REST and poses < LEAST_ORIENTATIONS:
+    comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
+    if comes_back or (share < LEAST_REST and poses < LEAST_ORIENTATIONS):
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
 
 
