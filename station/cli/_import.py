@@ -122,17 +122,19 @@ def _chosen(tables: list[RawTable], job: ImportJob, recipe: Recipe | None) -> li
     """Of the tables of one file the one that holds the axes. Errors: of the first where none does."""
     if len(tables) == 1:
         return tables
-    ranked: list[tuple[int, int]] = []
+    ranked: list[tuple[int, int, int]] = []
+    quantities = list(QUANTITIES)
     failed: list[StationError] = []
     for i, table in enumerate(tables):
         try:
-            roles = columns.assign(table, job.options, QUANTITIES[_unit(table, job, recipe)])
-            ranked.append((roles.rank, i))
+            unit = _unit(table, job, recipe)
+            roles = columns.assign(table, job.options, QUANTITIES[unit])
+            ranked.append((roles.rank, quantities.index(unit), i))
         except StationError as error:
             failed.append(error)
     if not ranked:
         raise failed[0]
-    return [tables[min(ranked)[1]]]
+    return [tables[min(ranked)[-1]]]
 
 
 def _unit(table: RawTable, job: ImportJob, recipe: Recipe | None) -> str:

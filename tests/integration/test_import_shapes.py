@@ -85,6 +85,92 @@ def clock_text(y: Floats, turn: Floats) -> str:
     return "time;ax;ay;az\n" + "".join(f"{a};{b}\n" for a, b in zip(lines, cells, strict=True))
 
 
+def colons_to_the_end(y: Floats, turn: Floats) -> str:
+    """A time of day whose milliseconds stand behind a colon, as phones' loggers write it."""
+    lines = [f"10:{21 + i // 6000:02d}:{i % 6000 // 100:02d}:{10 * (i % 100):03d}" for i in range(len(y))]
+    return "time,gFx,gFy,gFz,TgF\n" + joined(
+        [[s, *row, 1.0] for s, row in zip(lines, (y * G).tolist(), strict=True)], ","
+    )
+
+
+def past_noon(y: Floats, turn: Floats) -> str:
+    """A clock of twelve hours that goes from 12:59:40 to 1:00 in the afternoon."""
+    seconds = 59 * 60 + 40 + np.arange(len(y)) / 100
+    lines = [f"5/1/2024 {12 if s < 3600 else 1}:{int(s // 60) % 60:02d}:{s % 60:06.3f} PM" for s in seconds.tolist()]
+    return "Date,X,Y,Z\n" + joined([[s, *row] for s, row in zip(lines, (y * G).tolist(), strict=True)], ",")
+
+
+def grouped(mark: str, delimiter: str, quote: str) -> Shape:
+    """Counts whose thousands are set apart by a mark."""
+
+    def shape(y: Floats, turn: Floats) -> str:
+        counts = np.round(16384 * y).astype(int).tolist()
+        cells = [delimiter.join(f"{quote}{c:,}{quote}".replace(",", mark) for c in row) for row in counts]
+        stamps = [f"{i / 100:.2f}".replace(".", "," if mark == "." else ".") for i in range(len(y))]
+        head = delimiter.join(["t", "ax", "ay", "az"])
+        return head + "\n" + "".join(f"{s}{delimiter}{c}\n" for s, c in zip(stamps, cells, strict=True))
+
+    return shape
+
+
+def json_lines(y: Floats, turn: Floats) -> str:
+    return "".join(
+        f'{{"t": {10 * i}, "ax": {a:.4f}, "ay": {b:.4f}, "az": {c:.4f}}}\n' for i, (a, b, c) in enumerate(y * G)
+    )
+
+
+def said_in_turn(y: Floats, turn: Floats) -> str:
+    """A line a sensor, behind the time at which a terminal received it."""
+    lines = ["MPU found!"]
+    for i, (a, b) in enumerate(zip((y * G).tolist(), turn.tolist(), strict=True)):
+        stamp = f"10:{21 + i // 6000:02d}:{i % 6000 / 100:06.3f} -> "
+        lines.append(stamp + "Acceleration X: {:.3f}, Y: {:.3f}, Z: {:.3f} m/s^2".format(*a))
+        lines.append(stamp + "Rotation X: {:.3f}, Y: {:.3f}, Z: {:.3f} rad/s".format(*b))
+        lines.append(stamp + "Temperature: 28.3 degC")
+    return "\n".join(lines)
+
+
+def a_row_a_sensor(y: Floats, turn: Floats) -> str:
+    """Rows of several sensors among each other, told by a word."""
+    rows = [
+        f"{10 * i},{kind},{row[0]:.5f},{row[1]:.5f},{row[2]:.5f}\n"
+        for i in range(len(y)) for kind, row in (("GYR", turn[i]), ("ACC", y[i] * G))
+    ]  # fmt: skip
+    return "timestamp_ms,sensor,x,y,z\n" + "".join(rows)
+
+
+def flight_log(y: Floats, turn: Floats) -> str:
+    """Formats, settings, then rows of several kinds; two sensors of one kind."""
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+             "FMT, 129, 50, IMU, QBffffff, TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"]  # fmt: skip
+    lines += [f"PARM, {i}, SETTING_{i}, 1.5" for i in range(600)]
+    for i in range(len(y)):
+        for sensor in (0, 1):
+            numbers = [*turn[i].tolist(), *((y[i] + 0.05 * sensor) * G).tolist()]
+            lines.append(f"IMU, {5_000_000 + 10_000 * i}, {sensor}, " + ", ".join(f"{v:.5f}" for v in numbers))
+        lines.append(f"ATT, {5_000_000 + 10_000 * i}, 0.0, 1.2")
+    return "\n".join(lines)
+
+
+def echoed(y: Floats, turn: Floats) -> str:
+    """What `rostopic echo` prints."""
+    text = []
+    for i, (a, b) in enumerate(zip((y * G).tolist(), turn.tolist(), strict=True)):
+        text.append(
+            f"header: \n  seq: {i}\n  stamp: \n    secs: {1714550000 + i // 100}\n    nsecs: {i % 100 * 10**7}\n"
+        )
+        for name, row in (("angular_velocity", b), ("linear_acceleration", a)):
+            text.append(f"{name}: \n" + "".join(f"  {axis}: {v:.6f}\n" for axis, v in zip("xyz", row, strict=True)))
+        text.append("---\n")
+    return "".join(text)
+
+
+def start_and_rate(y: Floats, turn: Floats) -> str:
+    """The start and the rate of every column above the readings, as wrist bands write them."""
+    counts = np.round(64 * y).astype(int).tolist()
+    return "1714550000.00,1714550000.00,1714550000.00\n100.000000,100.000000,100.000000\n" + joined(counts, ",")
+
+
 @pytest.mark.parametrize(
     ("shape", "raw_unit", "time_unit"),
     [
@@ -99,6 +185,16 @@ def clock_text(y: Floats, turn: Floats) -> str:
         (keyed_rate, "LSB", "none"),
         (power_cut, "m/s²", "s"),
         (unknown_language, "m/s²", "s"),
+        (colons_to_the_end, "m/s²", "s"),
+        (past_noon, "m/s²", "s"),
+        (grouped(",", ",", '"'), "LSB", "s"),
+        (grouped(".", ";", ""), "LSB", "s"),
+        (json_lines, "m/s²", "ms"),
+        (said_in_turn, "m/s²", "s"),
+        (a_row_a_sensor, "m/s²", "ms"),
+        (flight_log, "m/s²", "us"),
+        (echoed, "m/s²", "ns"),
+        (start_and_rate, "LSB", "none"),
     ],
 )
 def test_shapes_of_other_loggers(

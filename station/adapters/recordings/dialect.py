@@ -1,5 +1,6 @@
 """How a text writes its table: delimiter, decimal mark, comments, header, line of units."""
 
+import csv
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -8,6 +9,11 @@ from station.adapters.recordings.limits import check_names
 from station.errors import SamplesError
 
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+#: Thousands set apart by the mark that is not the decimal one.
+_THOUSANDS = {
+    ".": re.compile(r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"),
+    ",": re.compile(r"^[+-]?\d{1,3}(\.\d{3})+(,\d*)?$"),
+}
 _COMMENT = re.compile(r"^\s*(#|%|//|!)")
 _RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
 _RATE_KEY = re.compile(
@@ -15,10 +21,14 @@ _RATE_KEY = re.compile(
     re.IGNORECASE,
 )
 _UNIT = re.compile(r"[\[(<]([^\])>]*)[\])>]")
-_KEYED = re.compile(r"^\s*(?:[A-Za-z]\w*\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){3,}$")
-_KEY = re.compile(r"([A-Za-z]\w*)\s*[:=]\s*")
+_KEYED = re.compile(r"^[\s{]*(?:\"?[A-Za-z]\w*\"?\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){3,}\}?[\s,]*$")
+_KEY = re.compile(r"\"?([A-Za-z]\w*)\"?\s*[:=]\s*")
 #: Lines that show the dialect, the fewest of names and values, and characters of a remark that may state the rate.
 HEAD, LEAST_KEYED, LONGEST_REMARK = 400, 8, 300
+#: Longer lines with quoted cells are no rows.
+LONGEST_QUOTED = 100_000
+#: Stamps of the present day, s.
+SINCE_1970_S = (5e8, 5e9)
 DELIMITERS = (";", "\t", ",", "|", " ")
 
 
@@ -64,7 +74,18 @@ def without_keys(lines: list[str]) -> list[str]:
         return lines
     names = _KEY.findall(keyed[-1])
     rows = [_KEY.sub(" ", line) for line in lines if _KEYED.match(line)]
-    return [" ".join(names), *(re.sub(r"[,;\s]+", " ", row) for row in rows)]
+    return [" ".join(names), *(re.sub(r"[,;\s{}]+", " ", row) for row in rows)]
+
+
+def without_start(lines: list[str]) -> list[str]:
+    """Lines without two that hold the start, in seconds since 1970, and the rate of every column; the rate is kept."""
+    if len(lines) < HEAD:
+        return lines
+    start, rate = ({c.strip() for c in line.split(",")} for line in lines[:2])
+    if len(start) != 1 or len(rate) != 1 or not is_number(rate_hz := rate.pop()) or not is_number(begun := start.pop()):
+        return lines
+    since_1970 = SINCE_1970_S[0] < number(begun, ".") < SINCE_1970_S[1]
+    return [f"# rate: {rate_hz}", *lines[2:]] if since_1970 and lines[0].count(",") else lines
 
 
 def is_comment(line: str) -> bool:
@@ -76,13 +97,28 @@ def split(line: str, delimiter: str) -> list[str]:
     """The cells of a line; a delimiter at its end begins no cell."""
     if delimiter == " ":
         return line.split()
-    cells = [c.strip().strip('"') for c in line.rstrip("\r\n").split(delimiter)]
+    plain = line.rstrip("\r\n")
+    parts = (
+        next(csv.reader([plain], delimiter=delimiter))
+        if '"' in plain and len(plain) < LONGEST_QUOTED
+        else plain.split(delimiter)
+    )
+    cells = [c.strip().strip('"') for c in parts]
     return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
 
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, with either decimal mark."""
-    return _NUMBER.match(cell) is not None
+    return _NUMBER.match(cell) is not None or any(mark.match(cell) for mark in _THOUSANDS.values())
+
+
+def number(cell: str, decimal: str) -> float:
+    """What a cell says; NaN where it is no number."""
+    plain = cell.strip()
+    if _THOUSANDS[decimal].match(plain):
+        plain = plain.replace("." if decimal == "," else ",", "")
+    plain = plain.replace(decimal, ".")
+    return float(plain) if _NUMBER.match(plain) and "," not in plain else float("nan")
 
 
 def _score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:

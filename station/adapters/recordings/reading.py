@@ -38,4 +38,4 @@ def _read(path: Path, head: bytes) -> list[RawTable]:
         return limited.read(path, "mf4")
     if head.startswith((b"MATLAB", b"\x89HDF")) or (path.suffix.lower() == ".mat" and b"\0" in head):
         return limited.read(path, "matlab")
-    return [text.read(path)]
+    return text.read(path)

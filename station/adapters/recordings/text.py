@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.recordings import arrow, dialect
+from station.adapters.recordings import arrow, dialect, echoed, kinds
 from station.adapters.recordings.dialect import Dialect
 from station.adapters.recordings.limits import MOST_LINE, check_shape
 from station.domain.core.types import Array
@@ -19,11 +19,13 @@ from station.messages import Message
 RAGGED = 0.002
 #: Bytes of no text.
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
-_CLOCK = re.compile(r"^(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?$")
+_CLOCK = re.compile(
+    r"^(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)(?:Z|[+-]\d{2}:?\d{2}| ?([AP])M)?$", re.IGNORECASE
+)
 
 
-def read(path: Path) -> RawTable:
-    """Errors: SamplesError with the line at fault."""
+def read(path: Path) -> list[RawTable]:
+    """A table of each kind of rows. Errors: SamplesError with the line at fault."""
     file = str(path)
     text, nuls = _decoded(path)
     lines = text.splitlines()
@@ -32,7 +34,22 @@ def read(path: Path) -> RawTable:
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MOST_LINE:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
-    lines = dialect.without_keys(lines)
+    lines = echoed.rows(lines) or lines
+    parts = [part for part in kinds.apart(lines) if _is_table(part)] or [lines]
+    return [_table(file, part, nuls) for part in parts]
+
+
+def _is_table(lines: list[str]) -> bool:
+    """Whether rows of one kind hold numbers; among several kinds one may not."""
+    try:
+        dialect.recognise("", lines[: dialect.HEAD])
+    except SamplesError:
+        return False
+    return True
+
+
+def _table(file: str, lines: list[str], nuls: int) -> RawTable:
+    lines = dialect.without_start(dialect.without_keys(lines))
     found = dialect.recognise(file, lines[: dialect.HEAD])
     check_shape(file, len(lines) - found.first, found.columns)
     names = found.names or tuple(f"column {i}" for i in range(found.columns))
@@ -109,14 +126,16 @@ def _from_text(cells: Array, decimal: str) -> Array | None:
     """Numbers of cells of which a few are none, or seconds of times of day; None where it is text."""
     sample = [str(c) for c in cells[:200] if str(c).strip()]
     if sample and all(_CLOCK.match(c.strip()) for c in sample):
-        parts = [_CLOCK.match(str(c).strip()) for c in cells]
-        seconds = [int(m[1]) * 3600 + int(m[2]) * 60 + float(m[3].replace(",", ".")) if m else np.nan for m in parts]
-        return np.asarray(seconds, float)
+        return np.array([_seconds(str(c)) for c in cells], float)
     if sum(map(dialect.is_number, sample)) <= 0.5 * max(len(sample), 1):
         return None
-    return np.array([_number(str(c), decimal) for c in cells], float)
+    return np.array([dialect.number(str(c), decimal) for c in cells], float)
 
 
-def _number(cell: str, decimal: str) -> float:
-    plain = cell.strip().replace(decimal, ".")
-    return float(plain) if dialect.is_number(plain) else float("nan")
+def _seconds(cell: str) -> float:
+    """Seconds since midnight, or noon where the hours are of a clock of twelve; NaN where it is no time."""
+    found = _CLOCK.match(cell.strip())
+    if found is None:
+        return float("nan")
+    hours = int(found[1]) % 12 + (12 if found[4].upper() == "P" else 0) if found[4] else int(found[1])
+    return hours * 3600 + int(found[2]) * 60 + float(found[3].replace(",", ".").replace(":", "."))
