@@ -8,12 +8,14 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from station.cli import _calibrate_table, _output
 from station.cli._calibrate_json import CalibrationJsonWriter
 from station.cli._calibrate_table import CalibrationSummary
 from station.config.products import load_product
 from station.config.recipes import load_recipe, recipe_path
-from station.diagnosis.data import preflight
+from station.diagnosis.data import input_checks, preflight
 from station.diagnosis.data.family import Family
 from station.diagnosis.data.preflight import Preflight
 from station.domain.core.types import Floats, Outcome, SampleTable
@@ -97,8 +99,20 @@ def _calibrate(
             preflight.with_sheet(recipe, checked[0]), chain([first], tables), today, rounding
         )
         for done, result in enumerate(results, start=1):
+            _check_ellipsoid(recipe, result)
             bar.update(task, description=f"calibrated {done} units")
             yield result
+
+
+def _check_ellipsoid(recipe: Recipe, result: CalibrationResult) -> None:
+    """Errors: SamplesError, as a diagnosis gives it, where only the magnitude is known and no offset and gain of one
+    sensor make it constant."""
+    found = result.calibration
+    if recipe.pose_known or found is None:
+        return
+    if any(note.id == "norm-not-settled" for note in found.notes):
+        raise SamplesError("readings-on-no-ellipsoid", serial=result.serial)
+    input_checks.check_gain(result.serial, np.diagonal(found.matrix))
 
 
 def _inspected(recipe: Recipe, samples: Path, checked: list[Preflight]) -> Iterator[SampleTable]:

@@ -78,18 +78,35 @@ def test_one_stop_left_of_a_unit_tells_nothing(tmp_path: Path, capsys: pytest.Ca
     assert shown.count("\n") == 1
 
 
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
 def test_a_compass_that_was_only_turned_level_lies_on_no_ellipsoid(
-    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+    command: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     turn = np.linspace(0, 4 * np.pi, 60)
     tilt = 0.12 + 0.07 * np.sin(2.5 * turn)
     field = np.stack([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)], axis=1)
-    reading = field + [0.1, -0.2, 4.5] + 0.01 * rng.standard_normal(field.shape)
+    assert_on_no_ellipsoid(
+        command, field + [0.1, -0.2, 4.5] + 0.01 * rng.standard_normal(field.shape), tmp_path, capsys
+    )
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+def test_axes_in_different_units_lie_on_no_ellipsoid(
+    command: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pose = rng.standard_normal((30, 3))
+    pose /= np.linalg.norm(pose, axis=1, keepdims=True)
+    assert_on_no_ellipsoid(command, pose * [0.2, 0.2, 1.96] + 1e-4 * rng.standard_normal(pose.shape), tmp_path, capsys)
+
+
+def assert_on_no_ellipsoid(
+    command: str, reading: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rows = [f"A,0,{i},p{i},{i},{x},{y},{z}" for i, (x, y, z) in enumerate(reading)]
     path = tmp_path / "compass.csv"
     path.write_text("\n".join([HEAD, *rows]) + "\n")
     with pytest.raises(SystemExit) as ended:
-        main(["diagnose", "--recipe", "hand-held", "--samples", str(path)])
+        main([command, "--recipe", "hand-held", "--samples", str(path)])
     out, err = capsys.readouterr()
     assert (ended.value.code, out) == (2, "")
     assert "the readings lie round no ellipsoid" in err

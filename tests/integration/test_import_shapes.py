@@ -10,7 +10,7 @@ import pytest
 
 from station.domain.core.types import Floats
 from tests.fakes.command import station
-from tests.integration.test_import import G, check, tumble, understood
+from tests.integration.test_import import FACES, G, check, tumble, understood
 
 Shape = Callable[[Floats, Floats], str]
 
@@ -251,6 +251,43 @@ def test_a_unit_near_one_g_in_any_place_is_in_g(
     path = tmp_path / "poses.csv"
     np.savetxt(path, sphere(rng, 150) + np.array([0.02, -0.01, 0.03]), delimiter=",")
     check(understood(capsys, str(path)), raw_unit="g", visits=150)
+
+
+def test_readings_that_no_sensor_made_are_left_out_and_missing_ones_change_no_rate(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bus that fails for one transfer gives -32768 or 9999; a logger that is busy loses rows."""
+    y = tumble(rng) * G
+    y[50, 1], y[900, 2], y[2000, 0] = 9999, -32768, 655.35
+    rows_ = np.c_[np.arange(len(y)) / 100, y][np.sort(rng.choice(len(y), round(0.92 * len(y)), replace=False))]
+    path = tmp_path / "glitches.csv"
+    np.savetxt(path, rows_, "%.5f", ",", header="t,ax,ay,az", comments="")
+    one = understood(capsys, str(path))
+    check(one, raw_unit="m/s²", visits=8, poses=8)
+    assert one["rate_hz"] == pytest.approx(100, rel=1e-3)
+    assert [r["id"] for r in one["remarks"]] == ["readings-impossible"]
+    assert one["magnitude"]["greatest"] < 1.05
+
+
+def test_linear_acceleration_is_no_tumble(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Phones take gravity out: what is left at rest is offset and noise."""
+    y = (tumble(rng) - np.repeat(FACES, 500, axis=0)[: len(tumble(rng))] + [0.02, 0.03, -0.01]) * G
+    path = tmp_path / "linear.csv"
+    head = ",".join(["Time (s)", *(f"Linear Acceleration {a} (m/s^2)" for a in "xyz")])
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y], "%.5f", ",", header=head, comments="")
+    assert station("import", str(path)) == 2
+    assert "gravity is not in them" in capsys.readouterr().err
+
+
+def test_a_list_that_scatters_as_widely_as_it_is_large_never_rests(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "compass.txt"
+    np.savetxt(path, np.round(sphere(rng, 600) * [500, 460, 300] + rng.normal(0, 45, (600, 3))), fmt="%d")
+    code = station("import", str(path), "--unit", "LSB")
+    assert code == 0 or "never at rest" in capsys.readouterr().err
 
 
 def test_shaking_is_no_list_of_poses(

@@ -9,6 +9,7 @@ import pytest
 from station.diagnosis.data import family, preflight
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import sheet
 from station.errors import SamplesError
 from tests.fakes import tumble
 
@@ -92,6 +93,16 @@ def test_another_rate_is_said_exactly_and_lost_frames_are_no_rate(rng: np.random
     whole = table(still(rng), 24)
     some, _ = preflight.inspect(recipe, whole[rng.uniform(size=len(whole)) > 0.15])
     assert some.remarks == ()
+
+
+def test_rows_that_are_missing_change_no_inferred_rate(rng: np.random.Generator) -> None:
+    """They were a clock-error of 5,058 ppm, p = 1: the rate by counts beside stamps that step by whole periods."""
+    time_s = np.sort(rng.choice(3000, 2760, replace=False)) / 100
+    rate_hz, jitter_s = sheet.rate_of(time_s, np.ones(len(time_s) - 1, bool))
+    assert rate_hz == pytest.approx(100)
+    assert jitter_s == pytest.approx(0, abs=1e-9)
+    shared = np.floor(np.arange(3000) / 4) / 25
+    assert sheet.rate_of(shared, np.ones(2999, bool))[0] == pytest.approx(100, rel=0.01)
 
 
 def test_a_rate_that_sensors_are_set_to_is_the_sheets_error_and_any_other_the_clocks(rng: np.random.Generator) -> None:

@@ -84,7 +84,7 @@ def without_start(lines: list[str]) -> list[str]:
     start, rate = ({c.strip() for c in line.split(",")} for line in lines[:2])
     if len(start) != 1 or len(rate) != 1 or not is_number(rate_hz := rate.pop()) or not is_number(begun := start.pop()):
         return lines
-    since_1970 = SINCE_1970_S[0] < number(begun, ".") < SINCE_1970_S[1]
+    since_1970 = SINCE_1970_S[0] < cell_value(begun, ".") < SINCE_1970_S[1]
     return [f"# rate: {rate_hz}", *lines[2:]] if since_1970 and lines[0].count(",") else lines
 
 
@@ -112,7 +112,7 @@ def is_number(cell: str) -> bool:
     return _NUMBER.match(cell) is not None or any(mark.match(cell) for mark in _THOUSANDS.values())
 
 
-def number(cell: str, decimal: str) -> float:
+def cell_value(cell: str, decimal: str) -> float:
     """What a cell says; NaN where it is no number."""
     plain = cell.strip()
     if _THOUSANDS[decimal].match(plain):

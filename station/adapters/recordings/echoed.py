@@ -10,7 +10,7 @@ _FEWEST = 8
 _SECONDS, _NANOSECONDS = ("secs", "sec"), ("nsecs", "nanosec")
 
 
-def rows(lines: list[str]) -> list[str] | None:
+def table_lines(lines: list[str]) -> list[str] | None:
     """A header of the paths of all numbers, and a row a message; None where the lines are no such messages."""
     ends = [i for i, line in enumerate(lines) if line.strip() == _END]
     if len(ends) < _FEWEST or _ENTRY.match(next((x for x in lines if x.strip()), "")) is None:

@@ -34,7 +34,7 @@ def read(path: Path) -> list[RawTable]:
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MOST_LINE:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
-    lines = echoed.rows(lines) or lines
+    lines = echoed.table_lines(lines) or lines
     parts = [part for part in kinds.apart(lines) if _is_table(part)] or [lines]
     return [_table(file, part, nuls) for part in parts]
 
@@ -129,7 +129,7 @@ def _from_text(cells: Array, decimal: str) -> Array | None:
         return np.array([_seconds(str(c)) for c in cells], float)
     if sum(map(dialect.is_number, sample)) <= 0.5 * max(len(sample), 1):
         return None
-    return np.array([dialect.number(str(c), decimal) for c in cells], float)
+    return np.array([dialect.cell_value(str(c), decimal) for c in cells], float)
 
 
 def _seconds(cell: str) -> float:

@@ -46,9 +46,14 @@ def check_calibrated(view: ResidualView) -> None:
     if view.grid.k == 3:
         return
     for serial, gain in zip(view.scene.visits.unit.names, np.diagonal(view.base.matrix, axis1=1, axis2=2), strict=True):
-        size = np.abs(gain)
-        if gain.min() <= 0 or size.max() > MAX_RESPONSE_RATIO * size.min():
-            raise SamplesError("readings-on-no-ellipsoid", serial=serial)
+        check_gain(serial, gain)
+
+
+def check_gain(serial: str, gain: Floats) -> None:
+    """Errors: SamplesError where the axes of a unit of unknown poses respond (3) as those of one sensor never do."""
+    size = np.abs(gain)
+    if not gain.min() > 0 or size.max() > MAX_RESPONSE_RATIO * size.min():
+        raise SamplesError("readings-on-no-ellipsoid", serial=serial)
 
 
 def _first_rows(table: SampleTable) -> NDArray[np.intp]:

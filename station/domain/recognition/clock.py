@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats
+from station.domain.recognition.sheet import rate_of
 from station.errors import SamplesError
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -77,10 +78,10 @@ def stamped(
     steps = np.diff(time_s)
     middle = float(np.median(steps[steps > 0]))
     gap = steps > max(5 * middle, 0.25)
-    rate_hz = float(np.count_nonzero(~gap) / max(steps[~gap].sum(), 1e-12))
-    spread = steps[~gap] - 1 / rate_hz
-    jitter_s = float(np.sqrt(np.mean(spread**2))) if len(spread) else 0.0
-    return SampleClock(time_s, order, unit, inferred, rate_hz, "data", jitter_s, int(gap.sum()), restarts)
+    found_hz, jitter_s = rate_of(time_s, ~gap)
+    return SampleClock(
+        time_s, order, unit, inferred, found_hz or 1 / middle, "data", jitter_s, int(gap.sum()), restarts
+    )
 
 
 def unit_of_name(name: str, stated: str) -> str | None:

@@ -20,6 +20,10 @@ from station.messages import Message
 LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
 #: Nor is one that rests for less than this share and comes back to one orientation every time.
 LEAST_REST_IN_ONE = 0.9
+#: Gravity shows in an accelerometer at rest as at least so much, g, whatever its offset.
+LEAST_GRAVITY_G = 0.3
+#: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
+WILD = 0.2
 #: Runs are counted in 32 bits.
 LAST_RUN = 2**31 - 1
 
@@ -114,18 +118,26 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
 
 def _rest(recording: Recording) -> NDArray[np.int64]:
     try:
-        return rest_segments.find(recording.time_s, recording.reading)
+        edges = rest_segments.find(recording.time_s, recording.reading)
     except SamplesError as error:
         raise SamplesError("in-file", file=recording.source, reason=error.message) from None
+    if recording.unit == "deg/s":
+        return edges
+    size = float(np.median(np.linalg.norm(recording.reading, axis=1)))
+    quiet = [float(np.linalg.norm(recording.reading[a:b].std(axis=0))) < WILD * size for a, b in edges]
+    return np.asarray(edges[np.array(quiet, bool)])
 
 
 def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     share = float((edges[:, 1] - edges[:, 0]).sum() / len(recording))
     if not len(edges):
         raise SamplesError("never-at-rest", file=recording.source, duration_s=float(recording.time_s[-1]))
-    if len(edges) == 1:
+    means = np.array([np.median(recording.reading[a:b], axis=0) for a, b in edges])
+    size = float(np.median(np.linalg.norm(means, axis=1)))
+    if recording.unit == "g" and size < LEAST_GRAVITY_G:
+        raise SamplesError("no-gravity", file=recording.source, size=size)
+    if len(edges) == 1 and share >= LEAST_REST:
         raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
-    means = np.array([recording.reading[a:b].mean(axis=0) for a, b in edges])
     poses = int(rest_segments.orientations(means).max()) + 1
     comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
     if comes_back or (share < LEAST_REST and poses < LEAST_ORIENTATIONS):

@@ -14,6 +14,8 @@ MOST_READINGS, MOST_VALUES, LEAST_VALUES = 200_000, 4000, 4
 #: A reading repeated this often in a visit, at the end of what the axis ever reads, is the end of its range.
 FLAT_SHARE = 0.5
 MAD = 1.4826
+#: Stamps are regular when this share of their steps misses a whole number of usual ones by less than this share of one.
+MOSTLY, REGULAR = 0.95, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +65,12 @@ def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, fl
     span = float(regular.sum())
     if not span > 0:
         return None, 0.0
-    rate = len(regular) / span
-    return rate, float(np.sqrt(np.mean((regular - 1 / rate) ** 2)))
+    # Where stamps come at whole steps, the readings that are missing are counted, too.
+    steps = np.round(regular / usual)
+    whole = np.mean(np.abs(regular / usual - steps) < REGULAR) > MOSTLY
+    periods = np.maximum(steps, 1) if whole else np.ones(len(steps))
+    rate = float(periods.sum()) / span
+    return rate, float(np.sqrt(np.mean((regular - periods / rate) ** 2)))
 
 
 def step_of(column: Floats) -> float:
