@@ -15,6 +15,8 @@ from station.errors import ConfigError, InvalidValue
 Node = Annotated[int, Field(ge=1, le=127)]
 PathText = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f]*$")]
 ShortText = Annotated[str, Field(max_length=64, pattern=r"^[^\x00-\x1f\x7f]*$")]
+#: Names and addresses as they stand in a register of companies.
+PartyText = Annotated[str, Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
 
 
 class AdapterSettings(BaseModel):
@@ -134,10 +136,10 @@ def _check_country(code: str) -> str:
 class PartySettings(StrictModel):
     """Name and address of a laboratory or a customer, for certificates; country: ISO 3166-1, two letters."""
 
-    name: ShortText = ""
-    street: ShortText = ""
-    city: ShortText = ""
-    post_code: ShortText = ""
+    name: PartyText = ""
+    street: PartyText = ""
+    city: PartyText = ""
+    post_code: PartyText = ""
     country: Annotated[str, Field(json_schema_extra={"pattern": "^[A-Z]{2}$"}), AfterValidator(_check_country)] = "DE"
 
 
@@ -147,8 +149,8 @@ class CertificateSettings(StrictModel):
 
     laboratory: PartySettings = PartySettings()
     customer: PartySettings = PartySettings()
-    signatory: ShortText = ""
-    accreditation: ShortText = ""
+    signatory: PartyText = ""
+    accreditation: PartyText = ""
     place: Literal["laboratory", "customer", "laboratoryBranch", "customerBranch", "other"] = "laboratory"
 
     def document(self) -> dict[str, Any]:

@@ -85,6 +85,7 @@ def test_the_reference_is_described_by_what_the_sensor_feels(paper: tuple[str, l
     has_magnitude = kind not in ("inclinometer", "zero alone", "gyroscope")
     assert ("Relative standard uncertainty of the magnitude" in reference) is has_magnitude
     assert ("0.01 deg/s" in reference) is (kind == "gyroscope")
+    assert ("Heading of the x axis, clockwise from north 0 degrees" in reference) is (kind == "gyroscope")
     assert "natural constant" not in reference
 
 

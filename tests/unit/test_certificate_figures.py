@@ -4,8 +4,11 @@ from typing import Any
 
 import pytest
 
+from station.messages import Message
+from station.reporting.certificate import pdf, result_sections
 from station.reporting.certificate.facts import any_false_accept
 from station.reporting.number_text import format_to_uncertainty, quantity_in
+from station.reporting.words import words_of
 
 
 @pytest.mark.parametrize(
@@ -41,3 +44,15 @@ def test_the_risk_of_all_limits_is_no_less_than_that_of_any() -> None:
     assert any_false_accept({"outcome": "FAIL", "false_accept": 0.0}, decided) == 0.0, "it was not accepted"
     assert any_false_accept({"outcome": "PASS"}, decided) is None, "an older log has none"
     assert any_false_accept({"outcome": "PASS", "false_accept": 0.9}, [{"what": "tilt", "false_accept": 0.9}]) == 1.0
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_no_word_of_a_head_is_broken(language: str) -> None:
+    """Of the tables with seven columns, which are the narrowest."""
+    words = words_of(language)
+    for heads in (result_sections.COEFFICIENTS, result_sections.DECISIONS):
+        for head, room in zip(heads, pdf.column_widths(len(heads)), strict=True):
+            text = words.render(Message(f"head-{head}"))
+            widest = max(pdf.cell_text_width(word) for word in text.split())
+            assert widest <= room, (text, widest, room)
+    assert pdf.cell_text_width(words.render(Message("certificate-assumed"))) <= pdf.column_widths(7)[2]

@@ -114,6 +114,8 @@ def _reference(w: SectionWriter, recipe: Recipe) -> Rows:
     if reference.site is not None:
         site = reference.site
         rows.append((w("site"), w("at", f"{site.latitude_deg:g}", f"{site.altitude_m:g}")))
+        if recipe.feels_rotation and site.heading_deg is not None:
+            rows.append((w("heading"), f"{site.heading_deg:g} {w('degrees')}"))
     if reference.gold is not None:
         rows += [(w("gold"), reference.gold.serial), (w("due"), reference.gold.due)]
     return tuple(rows)

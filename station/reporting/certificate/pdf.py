@@ -9,12 +9,13 @@ from typing import Any
 from station.reporting.certificate.document import Certificate
 from station.reporting.certificate.writer import CertificateTable
 
-_WIDTH = 511.0
+#: Of a table; of its cells the size of letters and the room beside the text, in points.
+_WIDTH, _CELL, _PADDING = 511.0, 8, 6
 #: Widths of a table's columns, by how many it has.
 _SHARES = {
     2: (0.33, 0.67),
     3: (0.3, 0.15, 0.55),
-    7: (0.22, 0.14, 0.13, 0.12, 0.13, 0.13, 0.13),
+    7: (0.215, 0.125, 0.14, 0.107, 0.15, 0.125, 0.138),
     4: (0.28, 0.24, 0.24, 0.24),
     5: (0.28, 0.2, 0.2, 0.2, 0.12),
 }
@@ -33,7 +34,7 @@ def pdf(certificate: Certificate) -> bytes:
     from reportlab.platypus import CondPageBreak, KeepTogether, Paragraph, SimpleDocTemplate, Spacer
 
     fonts, wrap = _fonts(), "CJK" if certificate.language == "zh" else "LTR"
-    title, head, cell = (_style(size, bold, wrap) for size, bold in ((17, True), (10.5, True), (8, False)))
+    title, head, cell = (_style(size, bold, wrap) for size, bold in ((17, True), (10.5, True), (_CELL, False)))
     outcome = certificate.texts[certificate.outcome]
     colour = _COLOURS.get(certificate.outcome, "#000000")
     verdict = f'<font color="{colour}">{_text(outcome, fonts, _BOLD)}</font>'
@@ -58,15 +59,27 @@ def _table(section: CertificateTable, fonts: frozenset[int], cell: Any) -> Any:
     from reportlab.platypus import Paragraph, Table
 
     rows = [section.columns, *section.rows] if any(section.columns) else list(section.rows)
-    count = len(rows[0])
-    others = (1 - _FIRST) / max(count - 1, 1)
-    widths = [_WIDTH * share for share in _SHARES.get(count, (_FIRST, *(others,) * (count - 1)))]
+    widths = [room + 2 * _PADDING for room in column_widths(len(rows[0]))]
     cells = [[Paragraph(_text(words, fonts, _LATIN), cell) for words in row] for row in rows]
     style: list[Any] = [("GRID", (0, 0), (-1, -1), 0.4, colors.grey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
     style += [("TOPPADDING", (0, 0), (-1, -1), 2), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5)]
     shaded = ((0, 0), (-1, 0)) if any(section.columns) else ((0, 0), (0, -1))
     style += [("BACKGROUND", *shaded, colors.HexColor("#e6e9ee"))]
     return Table(cells, colWidths=widths, style=style, repeatRows=int(any(section.columns)))
+
+
+def column_widths(count: int) -> list[float]:
+    """What there is for text in each column of a table of so many, in points."""
+    others = (1 - _FIRST) / max(count - 1, 1)
+    return [_WIDTH * share - 2 * _PADDING for share in _SHARES.get(count, (_FIRST, *(others,) * (count - 1)))]
+
+
+def cell_text_width(words: str) -> float:
+    """Of words in a table's cell, in points."""
+    from reportlab.pdfbase.pdfmetrics import stringWidth
+
+    _fonts()
+    return float(stringWidth(words, _LATIN, _CELL))
 
 
 def _style(size: float, bold: bool, wrap: str) -> Any:

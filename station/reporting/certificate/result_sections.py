@@ -19,8 +19,9 @@ from station.reporting.number_text import (
     written_unit,
 )
 
-_COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
-_DECISIONS = ("limit-of", "value", "expanded", "limit", "guard", "margin", "risk")
+#: Heads of the two widest tables.
+COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
+DECISIONS = ("limit-of", "value", "expanded", "limit", "guard", "margin", "risk")
 _HELD = ("coefficient", "before", "read-back", "difference", "unit")
 _ADJUSTMENT = ("object", "before", "written", "read-back")
 #: More degrees of freedom than this are as good as infinite.
@@ -37,8 +38,8 @@ def result_tables(
     assert fit and verdict
     return (
         w.section("cert_result", (), _result(w, content, stored, fit, verdict, writes)),
-        w.table("certificate-coefficients", _COEFFICIENTS, _values(w, content)),
-        w.table("certificate-decisions", _DECISIONS, _decisions(w, content)),
+        w.table("certificate-coefficients", COEFFICIENTS, _values(w, content)),
+        w.table("certificate-decisions", DECISIONS, _decisions(w, content)),
         w.table("certificate-budget", *_budget(w, content)),
         visit_sections.reading_table(w, content, recipe),
         *([visit_sections.residual_table(w, fit, recipe)] if _has_residuals(fit) else []),
