@@ -1,8 +1,8 @@
 """The work of `station calibrate`: read, compute portion by portion, tell people and programs."""
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import date
 from itertools import chain
 from math import isnan
 from pathlib import Path
@@ -24,6 +24,7 @@ from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product import writeback
 from station.domain.recipe.recipe import Recipe
+from station.domain.records.stored_attempt import utc_day
 from station.errors import InputError, SamplesError, UsageError
 from station.messages import system_reason
 from station.wiring.process_memory import retain_all_memory
@@ -90,7 +91,7 @@ def _calibrate(
     recipe: Recipe, samples: Path, rounding: Floats, checked: list[Preflight]
 ) -> Iterator[CalibrationResult]:
     """Every unit; fills `checked` with what the preflight found of each portion of the table."""
-    today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
+    today = utc_day(time.time_ns())
     with _output.progress() as bar:
         task = bar.add_task("calibrating", total=None)
         tables = _inspected(recipe, samples, checked)

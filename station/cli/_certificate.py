@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from station.cli._log_options import open_named_log
 from station.config.settings import load_settings
 from station.domain.core.types import Outcome
 from station.domain.records.issued_certificate import IssuedFile, digest_of, edition_for, issued_files
+from station.domain.records.stored_attempt import utc_day
 from station.errors import LogError, ReferenceOverdue, UsageError
 from station.files.replace import check_replaceable, replacing
 from station.messages import render, system_reason
@@ -65,7 +65,7 @@ def write_certificate(
         recipe, product, _ = parse_recipe_and_product(*log.recipe_and_product(chosen))
         location = log.location
         head, receipt = log.head(), newest_receipt(log)
-    today = datetime.now(UTC).date().isoformat()
+    today = utc_day(time.time_ns())
     if late := facts.overdue(recipe, stored["started"]):
         raise ReferenceOverdue("certificate-reference-overdue", item=late[0]["item"], due=late[0]["due"])
     settings = load_settings(config)

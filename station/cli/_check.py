@@ -1,9 +1,9 @@
 """The work of `station check`: one function a section, each with a document for programs and lines for people."""
 
+import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from station.domain.planning import design, optimal
 from station.domain.planning.forecast import forecast
 from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
+from station.domain.records.stored_attempt import utc_day
 from station.errors import UsageError
 from station.messages import Message, render
 from station.wiring.jobs import load_job
@@ -73,7 +74,7 @@ def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
     recipe = load_recipe(name)
     if recipe.product is not None:
         load_job(name)  # refuses a map, EDS and DBC that contradict each other
-    references.check_due(recipe, datetime.now(UTC).date().isoformat())
+    references.check_due(recipe, utc_day(time.time_ns()))
     found = _learnt(recipe, request)
     subject = CheckSubject(
         found.applied(recipe), recipe_path(name), _rounding(recipe, recipe_path(name)), request, found

@@ -2,10 +2,10 @@
 
 import hashlib
 import json
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import date
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from station.diagnosis.search.alarm import NullDistribution
 from station.diagnosis.search.cause_search import NullFactory
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.domain.records.stored_attempt import utc_day
 from station.errors import LogError, SamplesError, UsageError
 from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
@@ -69,7 +70,7 @@ def run_diagnose(
         found = diagnose(recipe, table, simulation, _cached_null(seed))
         step(Message("activity-planning"))
         proposed, proposal = next_run(found)
-    today = date.today().isoformat()  # noqa: DTZ011 - a due date is a day on the wall
+    today = utc_day(time.time_ns())
     findings = document(
         found, proposed, line_impact.document(line_impact.assess_line_impact(found, today), recipe.unit)
     )

@@ -1,7 +1,8 @@
 """The work of `station golden`."""
 
+import time
 from dataclasses import asdict, dataclass
-from datetime import UTC, date, datetime
+from datetime import date
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from station.cli import _output
 from station.cli._golden_trend import show_trend
 from station.config.settings import load_settings
 from station.domain.line_quality.golden import RegisteredUnit
+from station.domain.records.stored_attempt import utc_day
 from station.errors import ConfigError, ReferenceOverdue, UsageError
 from station.service import golden_register
 from station.wiring.logs import find_log, open_log
@@ -90,7 +92,7 @@ def _parse_day(text: str) -> str:
 
 def _parse_due(text: str) -> str:
     """A day that is still to come, or ''. Errors: UsageError."""
-    day, today = _parse_day(text), datetime.now(UTC).date().isoformat()
+    day, today = _parse_day(text), utc_day(time.time_ns())
     if day and day < today:
         raise UsageError("golden-due-past", due=day, today=today)
     return day

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from station.domain.product.product import Product
 from station.domain.recipe import references
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import Recipe
+from station.domain.records.stored_attempt import utc_day
 from station.service.station import Job, Station
 from station.service.unit import Unit
 
@@ -58,7 +58,7 @@ def refit(
 
     measured_ns: when it was measured, for the gold reference's due date; prior: what was known of its noise.
     """
-    day = datetime.fromtimestamp(measured_ns / 1e9, UTC).date().isoformat()
+    day = utc_day(measured_ns)
     (result,) = pipeline.calibrate(recipe, table, day, writeback.rounding_std(product.map), prior)
     return result
 

@@ -5,7 +5,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +114,7 @@ def standings(settings: Settings, find_log: FindLog) -> list[GoldenStatus]:
             for serial, unit in units.items():
                 attempt = _newest(log, serial, unit.recipe or None)
                 results[serial] = None if attempt is None else _golden_result(log, attempt)
-    today = date.fromtimestamp(now_s).isoformat()  # noqa: DTZ012 - a due date is a day on the wall here
+    today = stored_attempt.utc_day(int(now_s * 1e9))
     return [golden_status(u, results[s], now_s, today, settings.golden.every_h) for s, u in units.items()]
 
 

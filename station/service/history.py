@@ -52,7 +52,7 @@ def _result(row: StoredCalibration) -> PastResult | None:
     parts = {cause: np.array([b["parts"].get(cause, 0.0) for b in budget], float) for cause in budget[0]["parts"]}
     if not np.isfinite(theta).all() or len(theta) != len(coefficients.NAMES):
         return None
-    day = stored_attempt.utc(row.started_ns)[:10]
+    day = stored_attempt.utc_day(row.started_ns)
     # What a ratio is in units of is the rules' affair.
     left = (residuals["ratio"], residuals["dof"]) if residuals and rules == uncertainty.RULES else None
     return PastResult(row.serial, f"{row.station}/{row.nest}", day, row.outcome == "PASS", theta, parts, left)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +19,7 @@ from station.config.settings import Settings, load_config
 from station.config.validation_messages import mistakes
 from station.domain.core.types import NestAssignment
 from station.domain.recipe import references
+from station.domain.records.stored_attempt import utc_day
 from station.errors import RecipeError, UsageError
 from station.messages import Message, render
 from station.ports.bus import Bus, TellsLimits
@@ -196,7 +196,7 @@ def _check_simulation_options(order: RunOrder) -> None:
 
 def _check_references(job: Job, settings: Settings) -> None:
     """No reference may be overdue, and a gold one must be there to be read. Errors: RecipeError, ReferenceOverdue."""
-    today = datetime.fromtimestamp(SystemClock().epoch_ns() / 1e9, UTC).date().isoformat()
+    today = utc_day(SystemClock().epoch_ns())
     references.check_due(job.recipe, today)
     gold = job.recipe.reference.gold
     if job.recipe.reference.source != "gold" or gold is None:

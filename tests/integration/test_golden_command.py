@@ -2,6 +2,7 @@
 
 import json
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -91,3 +92,29 @@ def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[st
     (folder / "golden.json").write_text("[]")
     assert station("golden", "list") == 2
     assert "not a readable register" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("zone", ["<-12>12", "<+14>-14"])
+def test_a_due_date_ends_at_the_same_moment_everywhere(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], zone: str
+) -> None:
+    """Days are those of UTC, as in records and on certificates: the last of a year ends where that of UTC does."""
+    monkeypatch.setenv("TZ", zone)
+    time.tzset()
+    begins_s = datetime(2027, 1, 1, tzinfo=UTC).timestamp()
+    due = [{"item": "fixture", "number": "C-1", "due": "2026-12-31"}]
+    reference = {"source": "gravity", "magnitude": 1.0, "certificates": due}
+    recipe = fixture_run.recipe(folder, "six-point", reference=reference, product=None, verify=None)
+    certified = ("golden", "register", "SN9001", "--value", "gain z=1:0.1", "--due", "2026-12-31")
+    try:
+        for now_s, code, shown in ((begins_s - 1, 0, "never"), (begins_s + 1, 3, "past its due date")):
+            monkeypatch.setattr(time, "time", lambda now_s=now_s: now_s)
+            monkeypatch.setattr(time, "time_ns", lambda now_s=now_s: int(now_s * 1e9))
+            assert station(*certified) == (0 if code == 0 else 2)
+            assert station("check", str(recipe)) == code
+            capsys.readouterr()
+            assert station("golden", "check") == 3
+            assert shown in capsys.readouterr().out
+    finally:
+        monkeypatch.undo()
+        time.tzset()

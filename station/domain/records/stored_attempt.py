@@ -39,3 +39,8 @@ def signatures(stored: Mapping[str, Any]) -> list[dict[str, Any]]:
 def utc(time_ns: int) -> str:
     """A time stamp for a person, UTC; time_ns: since 1970."""
     return datetime.fromtimestamp(time_ns / 1e9, UTC).isoformat(timespec="milliseconds")
+
+
+def utc_day(time_ns: int) -> str:
+    """The ISO day that due dates, records and certificates count by, the same wherever a station stands."""
+    return utc(time_ns)[:10]
