@@ -14,7 +14,7 @@ from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term,
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
-from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, Scaled, World, hide
@@ -109,7 +109,40 @@ def test_a_constant_that_no_data_allow_on_half_of_its_range_is_sought_on_the_oth
     assert max(tried, key=lambda x: tried[x]) == pytest.approx(0.7, abs=0.05)
 
 
-def test_two_waves_of_one_input_on_one_axis_are_a_series() -> None:
+def test_terms_that_add_up_on_one_axis_are_a_series() -> None:
     one, two = (Term("own", "wave", ("z:cos",), "unit", (("cycles_hz", f),)) for f in (0.05, 0.09))
     assert is_series([one, two])
+    assert is_series([one, Term("own-squared", "motor", ("y", "z"), "unit", ())])
     assert not is_series([one, Term("own", "wave", ("x:cos",), "unit", (("cycles_hz", 0.09),))])
+
+
+def test_a_term_may_not_follow_a_law_by_bending_its_covariate() -> None:
+    """The square of the rate of temperature is followed by the rate itself, as far as the thermometer may be off."""
+
+    def rate(w: World, rng: Scaled, power: int) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        added[:, 1] = w.rate**power * rng.amplitude(1e-2, (1,))[0]
+        return w.a, added
+
+    term = Term("one", "temperature-rate", ("y",), "common")
+    quiet = []
+    for power in (1, 2):
+        table, _ = hide(recipe(), lambda w, rng, p=power: rate(w, rng, p), 31, d=16.0)  # type: ignore[misc]
+        problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+        fit = fit_term(term, TermSpaces(problem, problem.fit().floor).of(term))
+        known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+        quiet.append(is_noise(known, [term]))
+    assert quiet == [True, False]
+
+
+def test_a_decay_is_not_named_as_the_bumped_visits_that_follow_it() -> None:
+    def decay(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        fading = np.exp(-w.t / (0.08 * np.ptp(w.t)))
+        added[:, 2] = w.a[:, 0] * w.a[:, 1] * fading * rng.amplitude(1e-2, (1,))[0]
+        return w.a, added
+
+    table, _ = hide(recipe(), decay, 3, d=16.0, floor=WHITE)  # type: ignore[arg-type]
+    found = diagnosis_of(recipe(), table)
+    assert found.verdict == "unknown" and found.hypotheses is not None
+    assert [t.found.fit.term.family for t in found.hypotheses.terms] == [("others", "decay")]

@@ -255,7 +255,7 @@ def _with_term(problem: ScoringProblem, found: FoundTerm, place: int | None = No
 
 
 def is_series(terms: Sequence[Term]) -> bool:
-    """Whether two terms of one family add up on one axis: the beginning of a series for a curve that the grammar does
-    not know, as of waves for a chirp."""
-    places = [(*t.family, c.i, c.j) for t in terms for c in {(c.i, c.j): c for c in t.columns}.values()]
-    return len(set(places)) < len(places)
+    """Whether terms add up on one axis: likelier the beginning of a series for one law that the grammar does not know,
+    as of waves for a chirp, than several laws that nobody knew."""
+    axes = [axis for term in terms for axis in {c.i for c in term.columns}]
+    return len(set(axes)) < len(axes)

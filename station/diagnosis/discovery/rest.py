@@ -30,7 +30,7 @@ from station.model.forward import sensor_signal
 MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE = 1.8, 0.03, 0.04
 #: What was recorded beside the readings is cut into so many groups of as many visits each, and so many along the curve
 #: of a term; units looked at, at most.
-GROUPS, CURVE_GROUPS, MOST_UNITS = 12, 20, 40
+GROUPS, CURVE_GROUPS, MOST_UNITS = 12, (6, 20), 40
 COVARIATES = ("time_s", "temperature_degC", "temperature_rate", "motor")
 #: A direction that keeps less than this share of its squared length is lost in what is known.
 VISIBLE_SHARE = 1e-4
@@ -46,18 +46,23 @@ class Pattern(NamedTuple):
 
 def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
     """Whether what a formula of some terms leaves is no larger than the visits' own noise, and repeats nowhere."""
-    reduced = problem.view.reduced
-    within = float(reduced.sigma / np.sqrt(reduced.count.sum(1).mean()))
-    if within <= 0:
+    floor = visit_noise(problem)
+    if floor.noise <= 0:
         return True
-    floor = NoiseFloor(within, 0.0, 0.0)
     if excess_of_rest(problem.space(floor, moving=False)) > MOST_EXCESS:
         return False
     units = scanned_units(problem, MOST_UNITS)
     space = units.setting.space(floor, moving=False)
-    curves = pattern_chances(_curves_of_terms(problem, units.stops, terms), units, space)
+    about_curves = pattern_chances(_curves_of_terms(problem, units.stops, terms), units, space)
+    curves = (*about_curves, *prior_chances(units, space))
     rest = (*axis_chances(units, space), *pattern_chances(_repeating_patterns(problem, units.stops), units, space))
-    return _all_by_chance(tuple(curves), CURVE_CHANCE) and _all_by_chance(rest, PATTERN_CHANCE)
+    return _all_by_chance(curves, CURVE_CHANCE) and _all_by_chance(rest, PATTERN_CHANCE)
+
+
+def visit_noise(problem: ScoringProblem) -> NoiseFloor:
+    """The floor that the scatter of the samples within the visits makes, without any of the visits' own."""
+    reduced = problem.view.reduced
+    return NoiseFloor(float(reduced.sigma / np.sqrt(reduced.count.sum(1).mean())), 0.0, 0.0)
 
 
 def _all_by_chance(found: Sequence[float], chance: float) -> bool:
@@ -82,21 +87,38 @@ def axis_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
             yield float(scipy.stats.chi2.sf(np.sum(square[:, rows]), dof))
 
 
+def prior_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
+    """The chance that what is known by a prior alone, such as the error of a covariate, is as far off as it is: a term
+    must not follow a law by bending its covariate."""
+    grid = units.setting.layout.grid
+    _, R, V = grid.slot.shape
+    rows = R * V * grid.k + np.flatnonzero(space.live[:, R * V * grid.k :].any(axis=0))
+    if len(rows):
+        priors = np.zeros((*space.live.shape, len(rows)))
+        priors[:, rows, np.arange(len(rows))] = space.live[:, rows]
+        yield from _chance(space.free(priors), space)
+
+
 def pattern_chances(patterns: Iterable[Pattern], units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
     """The chance that each pattern holds as much of the rest as it does."""
-    layout, residual = units.setting.layout, space.residual[..., None]
+    layout = units.setting.layout
     for p in patterns:
         white = space.project(layout.columns(layout.keep[:, :, p.axis, None] * p.columns[:, None], None))
-        columns = white if p.own else white.reshape(1, residual.size, -1)
-        normal = columns.swapaxes(1, 2) @ columns
-        if not p.own:
-            known = space.shared_basis.reshape(residual.size, -1).T @ columns[0]
-            normal = normal - known.T @ known
-        m, E = np.linalg.eigh(normal)
-        visible = m > VISIBLE_SHARE * np.maximum(m.max(initial=0.0), 1e-300)
-        along = (E.swapaxes(1, 2) @ (columns.swapaxes(1, 2) @ residual.reshape(len(columns), -1, 1)))[..., 0]
-        if np.any(visible):
-            yield float(scipy.stats.chi2.sf(np.sum(along[visible] ** 2 / m[visible]), np.count_nonzero(visible)))
+        yield from _chance(white if p.own else white.reshape(1, space.data.size, -1), space)
+
+
+def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
+    """The chance of what the rest has along columns (U or 1, ·, c) of each unit or of all, if they show anything."""
+    residual = space.residual
+    normal = columns.swapaxes(1, 2) @ columns
+    if len(columns) == 1:
+        known = space.shared_basis.reshape(residual.size, -1).T @ columns[0]
+        normal = normal - known.T @ known
+    m, E = np.linalg.eigh(normal)
+    visible = m > VISIBLE_SHARE * np.maximum(m.max(initial=0.0), 1e-300)
+    along = (E.swapaxes(1, 2) @ (columns.swapaxes(1, 2) @ residual.reshape(len(columns), -1, 1)))[..., 0]
+    if np.any(visible):
+        yield float(scipy.stats.chi2.sf(np.sum(along[visible] ** 2 / m[visible]), np.count_nonzero(visible)))
 
 
 def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> Iterator[Pattern]:
@@ -121,18 +143,22 @@ def _curves_of_terms(problem: ScoringProblem, stops: NDArray[np.bool_], terms: S
     """Any curve in place of that of each term: along what modulates it, and from position to position."""
     scene = problem.view.scene
     signal = sensor_signal(scene, problem.view.active)
-    position = scene.codes("position")[stops]
+    run, position = (scene.codes(level)[stops] for level in ("run-of-recipe", "position"))
     for term in terms:
         if term.is_turn or "since_arrival_s" in term.needs:
             continue
         own = term.of in PER_UNIT_LEVELS
         parts = {c: term.factor_values(c, signal) for c in term.columns}
         felt = {(c.i, c.j, c.phase): one[stops, None] for c, (one, _) in parts.items()}
-        modulated = {(c.i, c.wave): two[stops, None] for c, (_, two) in parts.items()}
-        if term.modulator != "constant":
-            along = _level_groups(scene.require(next(iter(term.needs), "time_s"))[stops], CURVE_GROUPS)
-            yield from (Pattern(_group_columns(along, one), at[0], own) for at, one in felt.items())
-        yield from (Pattern(_group_columns(position, two), at[0], own) for at, two in modulated.items())
+        modulated = {(c.i, c.j, c.wave): two[stops, None] for c, (_, two) in parts.items()}
+        along = scene.require(next(iter(term.needs), "time_s"))[stops]
+        for groups in CURVE_GROUPS if term.modulator != "constant" else ():
+            yield from (Pattern(_group_columns(_level_groups(along, groups), x), at[0], own) for at, x in felt.items())
+        yield from (Pattern(_group_columns(run, x), at[0], own=True) for at, x in felt.items())
+        for (i, j, _), x in modulated.items():
+            yield Pattern(_group_columns(position, x), i, own)
+            for axis in (i, j) if term.input != "one" else ():
+                yield Pattern(_group_columns(_level_groups(signal.true[stops, axis], GROUPS), x), i, own)
 
 
 def _level_groups(values: Floats, groups: int) -> NDArray[np.intp]:

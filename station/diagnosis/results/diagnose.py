@@ -115,7 +115,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
 
 def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
     """The diagnosis with formulas for what no cause explains, and without the causes that only imitate one."""
-    if not d.depends_on and len(paying) < 2:
+    if not d.depends_on and not paying:
         return d
     # A search over thousands of formulas is loaded only where one is needed.
     from station.diagnosis.results.hypotheses import only_with

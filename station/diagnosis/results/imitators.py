@@ -6,6 +6,8 @@ is looked for once more with none of them known. Where it then accounts for ever
 or where nothing else did, they go; one that says the same as a term of the formula stays in its place, for its physics
 is known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal,
 and one formula writes it in one term.
+
+A single cause goes, too, where it leaves what is no noise and one term leaves none: a wave is followed by a step.
 """
 
 from collections.abc import Sequence
@@ -16,6 +18,7 @@ import numpy as np
 from station.diagnosis.candidates.nuisance import AcceptedCause, accepted_columns
 from station.diagnosis.discovery.discover import MAX_TERMS
 from station.diagnosis.discovery.price import price
+from station.diagnosis.discovery.rest import is_noise, visit_noise
 from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
 from station.diagnosis.search.problem import refined
@@ -26,6 +29,8 @@ from station.domain.core.types import SampleTable
 LEAST_CAUSES = 2
 #: Columns are those of one law when others leave no more than this share of their squares: what rounding does.
 SAME_LAW = 1e-6
+#: A formula of as many parts as there are causes must be nearer to the data than they by this length of white data.
+BEYOND_NOISE = 3.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,11 +52,11 @@ def simplest_explanation(
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
     that gain on held-out data; whole: whether these leave nothing."""
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, table))
-    if len(paying) < (LEAST_CAUSES if whole else 1):
+    if not paying or (whole and len(paying) < LEAST_CAUSES and is_noise(last, ())):
         return with_causes
     complete = whole or _is_complete(with_causes)
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
-    most = with_causes.parts - 1 if complete else MAX_TERMS
+    most = max(with_causes.parts - 1, 1) if complete else MAX_TERMS
     alone = propose_formula(searched, last, (), table, most_terms=most)
     if whole and _are_the_formula(alone, paying):
         return with_causes
@@ -69,10 +74,18 @@ def _is_complete(explanation: Explanation) -> bool:
 
 
 def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProblem) -> bool:
-    """Whether a formula accounts for everything in fewer parts, and more likely by what it costs to write them down."""
+    """Whether a formula accounts for everything in fewer parts, or in as many far more nearly, and more likely by what
+    it costs to write them down."""
     problem = last if with_causes.formula is None else with_causes.formula.problem
     causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
-    return len(alone.terms) < with_causes.parts and _profile(alone.problem) - _price(alone) > causes_nats
+    if len(alone.terms) >= with_causes.parts and _rest(problem) - _rest(alone.problem) < BEYOND_NOISE**2:
+        return False
+    return _profile(alone.problem) - _price(alone) > causes_nats
+
+
+def _rest(problem: ScoringProblem) -> float:
+    """Sum of squares of what a problem leaves, in standard deviations of the visits' own noise."""
+    return problem.space(visit_noise(problem), moving=False).rest
 
 
 def _price(formula: Hypotheses | None) -> float:
