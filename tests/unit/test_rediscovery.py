@@ -21,8 +21,10 @@ def threshold_of() -> ThresholdOf:
     return found
 
 
-@pytest.mark.parametrize("name", ["cross-axis", "vibration-rectification"])
-def test_a_cause_taken_out_of_the_library_is_found_again_in_its_form(name: str, threshold_of: ThresholdOf) -> None:
-    found = rediscover(name, 11, threshold_of)
+@pytest.mark.parametrize(("name", "seed"), [("cross-axis", 11), ("vibration-rectification", 11), ("lever-arm", 18)])
+def test_a_cause_taken_out_of_the_library_is_found_again_in_its_form(
+    name: str, seed: int, threshold_of: ThresholdOf
+) -> None:
+    found = rediscover(name, seed, threshold_of)
     assert found.terms[0].score > found.threshold
     assert is_rediscovered(name, found)

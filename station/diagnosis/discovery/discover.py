@@ -160,9 +160,12 @@ class _FormulaSearch:
         few = TermSpaces(problem, floor, MOST_SCANNED_UNITS)
         fits = [refine(t, few.of(t)) for t in terms]
         fits += [fit_term(t, few.of(t)) for t in _group_terms(problem)]
-        fits = sorted(fits, key=lambda f: -f.score)[:MOST_REFINED]
+        fits = _by_score(fits)
         if not fits or fits[0].score < self.threshold - SET_NATS:
             return None
+        if fits[0].term.of in GROUP_LEVELS:
+            # The scan has terms of units and of all alone: what its groups share they may share of any other term.
+            fits = _by_score([with_levels(f, few.of(f.term), (fits[0].term.of,)) for f in fits])
         leader = fits[0]
         with_it = problem.with_accepted((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
         spaces, fairer = TermSpaces(problem, floor), TermSpaces(problem, with_it)
@@ -203,6 +206,11 @@ class _FormulaSearch:
                 continue
             problem, found[i] = _with_term(bare, better, first + i), better
         return problem, found
+
+
+def _by_score(fits: Sequence[TermFit]) -> list[TermFit]:
+    """The best, as many as are refined at most."""
+    return sorted(fits, key=lambda f: -f.score)[:MOST_REFINED]
 
 
 def _best_choices(scans: Sequence[Scan]) -> tuple[float, list[Choice]]:
