@@ -109,7 +109,7 @@ def assert_on_no_ellipsoid(
         main([command, "--recipe", "hand-held", "--samples", str(path)])
     out, err = capsys.readouterr()
     assert (ended.value.code, out) == (2, "")
-    assert "the readings lie round no ellipsoid" in err
+    assert "the readings do not lie on an ellipsoid" in err
     assert err.count("\n") == 1
 
 

@@ -71,7 +71,7 @@ def test_a_fault_has_its_outcome_and_nothing_is_unlocked(fault: str) -> None:
     assert b"$X" not in port.written
     assert b"$H" not in port.written
     if ended is not None:
-        with pytest.raises(PositionerFault, match="stays where it stands"):
+        with pytest.raises(PositionerFault, match="stays where it is"):
             positioner.park(30.0)
     clock.sleep(1.0)
     assert not port.stub.moving(clock.monotonic_s())

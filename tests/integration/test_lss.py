@@ -117,7 +117,7 @@ def test_a_master_killed_at_any_frame_leaves_no_two_devices_with_one_id() -> Non
 @pytest.mark.parametrize("labelled", [True, False])
 def test_a_slave_that_selects_itself_early_is_reported_and_gets_nothing(labelled: bool) -> None:
     fleet = Fleet([Member(identity(5), fault="lss-early")])
-    with pytest.raises(UnitFault, match="took itself for selected before its serial was named"):
+    with pytest.raises(UnitFault, match="answered as selected before its serial was sent"):
         fleet.commission(seats_of(NODES[:1], [identity(5) if labelled else None]))
     assert fleet.node_ids() == []
 

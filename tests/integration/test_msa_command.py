@@ -116,7 +116,7 @@ def test_wrong_questions_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[
         (("msa", "grr", *db), "Name the units"),
         (("msa", "type1", "--samples", str(table), "--reference", "1"), "line 3: value 'x' is not a finite number"),
         (("msa", "type1", "--serial", "SN0001", *db), "has 0 of 25"),
-        (("msa", "grr", "--serial", "SN0001", *db), "need at least as many parts"),
+        (("msa", "grr", "--serial", "SN0001", *db), "needs as many parts"),
     ):
         assert station(*words) == 2
         assert shown in capsys.readouterr().err

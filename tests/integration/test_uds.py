@@ -75,7 +75,7 @@ def test_a_device_that_asks_for_patience_for_ever_is_silent_and_its_write_in_dou
     pleas = [(0.2 * i, "03 7f 2e 78") for i in range(200)]
     uds, channel = client(SESSION, ("04 2e 30 60 01", pleas), pending_s=1.0)
     began_s = channel.monotonic_s()
-    with pytest.raises(DeviceSilent, match=r"asked for patience 5\d times in 10 s"):
+    with pytest.raises(DeviceSilent, match=r"answered \"pending\" 5\d times in 10 s"):
         uds.download(0x3060, 0, b"\x01")
     assert channel.monotonic_s() - began_s < 11
     with pytest.raises(DeviceSilent, match="read"):
