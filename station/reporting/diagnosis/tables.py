@@ -24,6 +24,8 @@ from station.reporting.drawing.figure import Figure, Series, svg
 _PAIRS = ((0, 1), (0, 2), (1, 2))
 #: Rows that a table or a bar chart of units shows, the largest first.
 MAX_ROWS = 30
+#: So much of the largest entry of a matrix is what computing it leaves: the entry is 0.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +112,21 @@ def shifts(data: ReportData) -> ReportTable | None:
         return None
     units = sorted(data.line["units"], key=lambda u: -u["moves"])
     shown, word = units[:MAX_ROWS], data.line["unit"]
-    matrix, part = display_unit([x for u in shown for row in u["matrix"] for x in row], "1")
+    entries = [x for u in shown for row in u["matrix"] for x in row]
+    matrix, part = display_unit(entries, "1")
+    rounding = _ROUNDING * max(map(abs, entries))
+
+    def entry(unit: Mapping[str, Any], i: int, j: int) -> float:
+        value = float(unit["matrix"][i][j])
+        return value * matrix if abs(value) > rounding else 0.0
+
     judged = data.judged is not None
     rows = tuple(
         (
             u["serial"],
             *format_aligned([u["moves"], *u["offset"]]),
-            *format_aligned([u["matrix"][i][i] * matrix for i in range(3)]),
-            *format_aligned([max(abs(u["matrix"][i][j]), abs(u["matrix"][j][i])) * matrix for i, j in _PAIRS]),
+            *format_aligned([entry(u, i, i) for i in range(3)]),
+            *format_aligned([max(abs(entry(u, i, j)), abs(entry(u, j, i))) for i, j in _PAIRS]),
             *((f"{u['before']} → {u['after']}" if u["before"] != u["after"] else u["before"],) if judged else ()),
         )
         for u in shown
