@@ -9,8 +9,10 @@ import importlib
 import keyword
 import math
 import os
+import shutil
 import signal
 import sys
+import textwrap
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
@@ -212,16 +214,31 @@ def _help(function: Callable[..., Any]) -> str:
     return "\n\n".join(f"\b\n{part}" if part.startswith("  ") else part for part in text.strip().split("\n\n"))
 
 
+#: A clause that is shorter says too little by itself: "Take a tour."
+_TELLING = 32
+
+
+def _first_clause(line: str) -> str:
+    """What a command does, without the list after a colon or a semicolon, which its own help has, too: but where the
+    list is what tells."""
+    clause = line.partition(":")[0].partition(";")[0].rstrip(".") + "."
+    return clause if len(clause) > _TELLING else line
+
+
 def _overview() -> str:
     found = commands()
     width = max(map(len, found), default=0)
-    lines = [f"  {name:<{width}}  {line}" for name, line in found.items()]
+    columns = min(shutil.get_terminal_size().columns, 120)
+    lines = [
+        textwrap.fill(f"  {name:<{width}}  {_first_clause(line)}", columns, subsequent_indent=" " * (width + 4))
+        for name, line in found.items()
+    ]
     return "\n".join(
         [
-            "Calibrates devices on a CAN bus: tumble, compute, judge, write back, verify, log.",
+            "Calibrates devices on a CAN bus: tumble, compute, judge, write, verify, log.",
             "",
-            "Usage: station COMMAND [OPTIONS]     station COMMAND --help     station --version",
-            "Every command takes --no-progress, and --quiet: no progress and no remarks, errors only.",
+            "Usage: station COMMAND [OPTIONS]   station COMMAND --help   station --version",
+            "Every command takes --no-progress, and --quiet: neither progress nor remarks.",
             "",
             *lines,
             "",

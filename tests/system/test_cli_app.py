@@ -30,6 +30,7 @@ def test_help_lists_every_command_and_loads_nothing_heavy() -> None:
     done = station("--help")
     assert done.returncode == 0
     assert all(f"  {name} " in done.stdout for name in commands())
+    assert max(map(len, done.stdout.splitlines())) <= 80
     heavy = {"numpy", "pydantic", "typer", "rich", "can", "canopen", "yaml", "sqlite3", "scipy"}
     assert not loaded("--help") & heavy
 
