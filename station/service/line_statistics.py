@@ -36,6 +36,7 @@ def gather_statistics(log: LogReader, query: Query, most: int, known: Statistics
     if newest and query.recipe_name is None:  # values of two recipes are no one process
         one_recipe = replace(query, recipe_name=newest[0].recipe_name, recipe_version=newest[0].recipe_version)
     found = _finished(log, one_recipe, most)
+    everything = found if one_recipe is query else _finished(log, query, most)
     oldest_first = found[::-1]
     if known:
         lives = [known.measured(log, attempt) for attempt in oldest_first]
@@ -49,7 +50,7 @@ def gather_statistics(log: LogReader, query: Query, most: int, known: Statistics
         yields=yields_by_split(known.yields(log, query) if known else log.yields(query, "cell")),
         reasons=dict(reasons.most_common(12)),
         shifts=shift_effectiveness(log, query),
-        simulated=sum(is_simulated(a.software) for a in found),
+        simulated=sum(is_simulated(a.software) for a in everything),
     )
 
 

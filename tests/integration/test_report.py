@@ -110,3 +110,12 @@ def test_the_command_writes_one_page_that_needs_nothing_else(
     assert "<svg" in page
     assert "src=" not in page
     assert "href=" not in page
+
+
+def test_the_mark_counts_what_the_yields_count(tmp_path: Path) -> None:
+    brief = fixture_run.brief_recipe(tmp_path)
+    fixture_run.run(tmp_path, ["SN0001"], recipe=brief)
+    fixture_run.run(tmp_path, ["SN0002"], recipe=fixture_run.recipe(tmp_path, "six-point", version=2))
+    with SqliteLogReader(tmp_path / "station.db") as log:
+        line = gather_statistics(log, Query(), 100)
+    assert (len(line.attempts), line.simulated) == (1, 2), "values are of one recipe, the report of all"
