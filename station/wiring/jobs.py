@@ -39,7 +39,10 @@ def load_job(name: str | Path) -> tuple[Job, Source]:
         method.of(recipe).check(recipe)
     except RecipeError as exc:
         raise RecipeError("file-reason", file=str(path), reason=exc.message) from None
-    where = product_path(recipe.product, path)
+    try:
+        where = product_path(recipe.product, path)
+    except ProductError as exc:
+        raise RecipeError("file-reason", file=str(path), reason=exc.message) from None
     product, layout, dbc = _load_product(where)
     layout = layout.scaled(_unit_factors(dbc, recipe, layout), recipe.unit)
     _check_fit(path, recipe, where, product)
@@ -68,11 +71,22 @@ def check_product(name: str) -> tuple[Product, SensorLayout, Source]:
 def _load_product(where: Path) -> tuple[Product, SensorLayout, Path]:
     product = validate(load_document(where, ProductError), Product, ProductError)
     dbc = where.parent / product.frames.dbc
+    _check_there(where, "frames.dbc", dbc)
     return product, resolve(product.frames, read_layouts(dbc, used_signals(product.frames))), dbc
 
 
 def _eds(where: Path, product: Product) -> Path | None:
-    return None if product.eds is None else where.parent / product.eds
+    if product.eds is None:
+        return None
+    eds = where.parent / product.eds
+    _check_there(where, "eds", eds)
+    return eds
+
+
+def _check_there(where: Path, key: str, named: Path) -> None:
+    """Whoever mistyped a name looks for it in the file that holds it. Errors: ProductError."""
+    if not named.is_file():
+        raise ProductError("product-names-no-file", file=str(where), key=key, named=str(named))
 
 
 def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from station.config.search_path import shipped_folder
 from tests.conftest import SEED
 from tests.fakes.command import captured
 from tests.fakes.wrong_inputs import FILES, WrongInput, all_commands, complaint, wrong_files, wrong_lines
@@ -62,6 +63,8 @@ rehearsal: {device_state: devices}
         "calibrate --recipe six-point --samples .",
         "line --simulate --loads 1 --device-state readings.csv",
         "device --interface virtual --channel here --node 17 --serial 99999999999999999999",
+        "check --product product.yaml",
+        "check recipe.yaml",
         "panel --simulate --db readings.csv --port 0",
         "watch --db typo.yaml",
         "audit --db .",
@@ -82,7 +85,13 @@ def test_what_a_newcomer_types(line: str, here: Path) -> None:
     Path("typo.yaml").write_text(_REHEARSAL.replace("interface:", "interfce:"))
     Path("readings.csv").write_text("part,appraiser,trial,value\n" + "1,A,1,0.1\n" * 8)
     Path("plant.yaml").write_text('schema: station.plant/1\ndatabase: "postgresql:///plant"\n')
+    shipped = shipped_folder()
+    Path("product.yaml").write_text((shipped / "dbc/accelerometer.yaml").read_text().replace("accelerometer.", "0b1."))
+    Path("recipe.yaml").write_text(
+        (shipped / "recipes/six-point.yaml").read_text().replace("product: accelerometer", "product: 0b1")
+    )
     words, before = shlex.split(line), set(here.iterdir())
-    assert complaint(WrongInput("line", tuple(words))) is None
+    named = next((word for word in words if word in ("product.yaml", "recipe.yaml")), "")
+    assert complaint(WrongInput("line", tuple(words), named)) is None
     assert captured(*words).returncode == 2
     assert set(here.iterdir()) == before
