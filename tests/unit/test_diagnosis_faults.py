@@ -197,6 +197,20 @@ def test_a_tone_that_follows_the_motors_is_found_with_frequency_and_amplitude() 
     assert "motor-tone" not in found(steady)
 
 
+def test_no_clock_is_judged_by_a_rate_taken_from_its_own_stamps() -> None:
+    """Stamps of bursts of four were a clock-error with p = 1 where the recipe stated no rate."""
+    sheet = RECIPE.device
+    values = {name: getattr(sheet, name) for name in type(sheet).model_fields}
+    silent = type(sheet).model_construct(_fields_set={"lsb"}, **values)
+    made = table()
+    stamped = {key: x for key, x in made.values.items() if key != "counter"}
+    fast = replace(made, time_s=1.01 * made.time_s, values=stamped)
+    looked = inspect(RECIPE.model_copy(update={"device": silent}), fast)
+    assert "clock-error" not in {f.effect for f in looked.faults}
+    assert "clock-error" in looked.undetectable
+    assert "clock-error" in found(fast)
+
+
 @pytest.mark.parametrize(("visits", "verdict"), [(2, "incomplete"), (24, "named")])
 def test_a_fault_is_named_only_where_visits_held_out_confirm_it(visits: int, verdict: str) -> None:
     made = table()

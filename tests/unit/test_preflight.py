@@ -59,6 +59,7 @@ def test_noise_step_rate_and_poses_are_inferred(rng: np.random.Generator) -> Non
     recipe = preflight.with_sheet(silent(by_hand()), found)
     assert recipe.device.rate_hz == pytest.approx(51.2)
     assert recipe.device.lsb == pytest.approx(0.00025)
+    assert not {"rate_hz", "lsb"} & recipe.device.model_fields_set
 
 
 def test_a_stated_sheet_is_left_alone(rng: np.random.Generator) -> None:

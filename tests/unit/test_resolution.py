@@ -25,6 +25,13 @@ def test_readings_that_never_change_take_the_sheets(rng: np.random.Generator) ->
     assert resolution.step_of(dwells(np.full((3, 20, 3), 0.0127)), 0.0127).tolist() == [0.0127] * 3
 
 
+def test_single_readings_show_a_step_only_on_a_grid(rng: np.random.Generator) -> None:
+    """The nearest two of a list of poses are no step of its sensor."""
+    poses = rng.standard_normal((40, 1, 3))
+    assert resolution.step_of(dwells(poses), 0.0).tolist() == [0, 0, 0]
+    assert resolution.step_of(dwells(np.round(poses / 0.03125) * 0.03125), 0.0) == pytest.approx([0.03125] * 3)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.2, 0.3, 0.5])
 def test_what_rounding_leaves_in_a_mean(rng: np.random.Generator, share: float) -> None:
     """Against the definition: mean square error of rounded Gaussian readings over all places within a step."""

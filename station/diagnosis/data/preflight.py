@@ -189,7 +189,10 @@ def with_sheet(recipe: Recipe, of: Preflight) -> Recipe:
         known["noise_density"] = float(np.median(found.noise) / np.sqrt(rate_hz / 2))
     if not known:
         return recipe
-    return recipe.model_copy(update={"device": recipe.device.model_copy(update=known)})
+    values = {name: getattr(recipe.device, name) for name in type(recipe.device).model_fields} | known
+    # What the readings tell stays unstated: no reading is judged by what was taken from it.
+    device = type(recipe.device).model_construct(_fields_set=recipe.device.model_fields_set, **values)
+    return recipe.model_copy(update={"device": device})
 
 
 def _simulated(table: SampleTable, begin: NDArray[np.int64]) -> int:

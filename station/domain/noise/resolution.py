@@ -15,6 +15,8 @@ MANY_DWELLS = 12
 AXES_APART = 1.2
 #: Differences of a quantised axis are whole steps to within this share of one.
 WHOLE = 0.02
+#: Differences of fewer steps show whether levels lie on one grid.
+NEAR = 50.0
 
 
 def step_of(dwells: DwellStatistics, sheet: float) -> Floats:
@@ -37,7 +39,13 @@ def _least_between(dwells: DwellStatistics) -> float:
     levels = np.sort(dwells.low, axis=0)
     apart = np.diff(levels, axis=0)
     apart = apart[apart > 1e-12 * max(float(np.abs(levels).max(initial=0.0)), 1e-300)]
-    return float(apart.min(initial=np.inf)) if len(apart) else 0.0
+    if not len(apart):
+        return 0.0
+    least = float(apart.min())
+    near = apart[apart < NEAR * least] / least
+    # Single readings never repeat, however fine: only what lies on one grid shows a step.
+    on_grid = bool((np.abs(near - np.round(near)) < WHOLE).all())
+    return 0.0 if (dwells.count == 1).all() and not on_grid else least
 
 
 def rounding_variance(step: Floats, noise_std: Floats) -> Floats:

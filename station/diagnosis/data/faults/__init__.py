@@ -80,7 +80,7 @@ def _undetectable(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str
     blind = []
     if "counter" not in table.values:
         blind += ["lost-frames", "duplicated-frames", "reordered-frames"]
-    if len(table) < 3 * len(scene.visits):
+    if len(table) < 3 * len(scene.visits) or not clock.states_rate(recipe):
         blind.append("clock-error")
     if recipe.device.lsb <= 0:
         blind += ["quantization", "stuck-bit"]

@@ -49,7 +49,9 @@ class ClockRates:
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
-    """Units whose sample rate is beyond the data sheet's tolerance."""
+    """Units whose sample rate is beyond the data sheet's tolerance; none where no data sheet states a rate."""
+    if not states_rate(recipe):
+        return []
     found = rates(recipe, table, stop)
     error, std = found.error, found.std
     tolerance = recipe.device.clock_tolerance_ppm * 1e-6
@@ -73,6 +75,11 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     gain = _held_out_gain([found.stops[int(u)] for u in np.flatnonzero(off)], tolerance)
     nats = float(0.5 * np.sum(beyond[off] ** 2)) if gain is None else max(gain.total, 0.0)
     return [GrossFault("clock-error", "unit", numbers, sentence, nats, gain=gain)]
+
+
+def states_rate(recipe: Recipe) -> bool:
+    """Whether the recipe states a rate, by which a clock can be wrong; one taken from the readings is none."""
+    return "device" not in recipe.model_fields_set or "rate_hz" in recipe.device.model_fields_set
 
 
 def _held_out_gain(units: list[tuple[Floats, Floats, Floats]], tolerance: float) -> BlockGain | None:
