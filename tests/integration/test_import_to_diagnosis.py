@@ -134,3 +134,23 @@ def test_what_replay_decodes_is_segmented(
     assert one["time_unit"] == "ns"
     assert station("segment", signals, "--out", str(tmp_path / "s.csv")) == 2
     assert "not a tumble" in capsys.readouterr().err
+
+
+def test_a_compass_turned_all_round_is_calibrated_by_its_magnitude(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A reading a pose; the offset is the hard iron."""
+    turned = rng.standard_normal((300, 3))
+    turned *= 49 / np.linalg.norm(turned, axis=1, keepdims=True)
+    path, out = tmp_path / "compass.csv", str(tmp_path / "compass.parquet")
+    reading = turned * [1.04, 0.98, 1.08] + [20, -35, 12] + 0.3 * rng.standard_normal(turned.shape)
+    np.savetxt(path, reading, "%.2f", ",", header="mag_x,mag_y,mag_z", comments="")
+    assert station("import", str(path), "--out", out) == 0
+    capsys.readouterr()
+    code, shown = calibrated(out, "magnetometer-hand-held", capsys)
+    (unit,) = shown["units"]
+    assert code == 0
+    std = np.sqrt(np.diagonal(np.array(unit["covariance"])))
+    assert np.all(np.abs(np.array(unit["offset"]) - [20, -35, 12]) < 4 * std[:3])
+    assert np.diagonal(np.array(unit["matrix"])) == pytest.approx([1.04, 0.98, 1.08], rel=0.004)
+    assert not [note for note in unit["notes"] if "too little noise" in str(note)]

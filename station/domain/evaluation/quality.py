@@ -144,6 +144,8 @@ def _rejected(dwells: UnitDwells) -> Iterator[Message]:
 
 
 def _coarse(recipe: Recipe, dwells: UnitDwells) -> Iterator[Message]:
+    if (dwells.dwells.count == 1).all():  # what scatters from visit to visit tells how far the steps matter
+        return
     for i, axis in enumerate("xyz"[: recipe.axes]):
         rounding, noise = float(dwells.quantisation[:, i].max()), float(dwells.dwells.variance[:, i].max())
         if rounding > noise and dwells.step[i] > 0:
