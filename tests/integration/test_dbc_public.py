@@ -54,6 +54,17 @@ def test_what_is_not_used_is_not_checked(tmp_path: Path, wrong: str) -> None:
         read_layouts(path)
 
 
+def test_an_attribute_of_an_unknown_kind_is_left_out_everywhere(tmp_path: Path) -> None:
+    """However often it is set: a tool that exports its own flags sets them for every message."""
+    own = (
+        'BA_DEF_ BO_ "Sendable" BOOL False True;\nBA_DEF_DEF_ "Sendable" True;\n'
+        + 'BA_ "Sendable" BO_ 641 True;\n' * 100
+    )
+    path = tmp_path / "p.dbc"
+    path.write_text("/* made\n * by hand */\n" + DBC.read_text(encoding="utf-8") + own, encoding="utf-8")
+    assert {"ACCELERATION", "TEMPERATURE"} <= set(read_layouts(path, {"ACCELERATION": ("X",)}))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [

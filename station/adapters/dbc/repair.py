@@ -13,6 +13,8 @@ _UNUSED = re.compile(r"^\s*(VAL_|SIG_VALTYPE_) (\d+) (\w+)", re.MULTILINE)
 _MESSAGE = re.compile(r"^\s*BO_\s+(\d+)\s+(\S+?)\s*:")
 #: The largest identifier of 11 bits.
 _MOST_STANDARD = 0x7FF
+#: An attribute's definition, its default, or its value somewhere.
+_ATTRIBUTE = re.compile(r'^\s*BA_(?:DEF_(?:DEF_)?(?:REL_)?|REL_)?\s+(?:[A-Z_]+\s+)?"(\w+)"')
 _KEYWORD = re.compile(r"^\s*(?:BO_|SG_|CM_|BA_|VAL_|BA_DEF|SIG_|EV_|BU_|ENVVAR|SGTYPE|BO_TX|NS_|BS_|VERSION)")
 
 
@@ -65,6 +67,13 @@ def _of_line(lines: list[str], row: int, used: Collection[str]) -> set[int]:
         return set() if _name(lines[begin]) in used else {row}
     if lines[row].lstrip().startswith("BO_ "):
         return set() if _name(lines[row]) in used else set(_block(lines, row))
+    if (
+        attribute := _ATTRIBUTE.match(lines[row])
+    ) is not None:  # what is wrong with one value is wrong with all of them
+        same = [i for i, line in enumerate(lines) if (m := _ATTRIBUTE.match(line)) and m[1] == attribute[1]]
+        return {j for i in same for j in _statement(lines, i)}
+    if not _KEYWORD.match(lines[row]):  # a comment of C, or whatever else stands before the first statement
+        return set(range(next((i for i, line in enumerate(lines) if _KEYWORD.match(line)), 0)))
     return set(_statement(lines, row))
 
 
