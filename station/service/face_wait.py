@@ -113,8 +113,9 @@ class FaceWait:
         return Message("other-face-up", nest=nest, face=face(mean))
 
     def _agrees(self, windows: Mapping[str, Floats], serial: str, right: Sequence[str]) -> bool:
-        """Whether a nest that is not right shows what a right one does all the same: it lies at the limit of both."""
-        if not len(windows[serial]):
+        """Whether a nest that is still, but not right, shows what a right one does: it lies at the limit of both."""
+        message = self._shown[serial]
+        if message is None or message.id == "nest-not-still":
             return False
         mean = np.asarray(windows[serial].mean(axis=0))
         return any(angle_deg(mean, np.asarray(windows[other].mean(axis=0))) <= FACE_DEG for other in right)

@@ -60,9 +60,8 @@ class VisitMeasurement:
         for repeats_remaining in range(self._job.recipe.visit_repeats, -1, -1):
             self._capture.drain()
             if instruction:
-                silent = yield from self._capture.wait_for_face(waiting, planned, instruction)
-                gone |= {unit.seat.serial: self._silence(unit, planned) for unit in silent}
-                waiting = [unit for unit in waiting if unit not in silent]
+                yield from self._wait_for_face(units, planned, instruction, gone)
+                waiting = [unit for unit in waiting if unit.seat.serial not in gone]
             if not waiting:
                 break
             collector = yield from self._capture.take(waiting, number)
@@ -77,6 +76,17 @@ class VisitMeasurement:
                 break
         yield VisitDone(*place, planned.position, means)
         return {**bad, **gone}
+
+    def _wait_for_face(
+        self, units: Sequence[Unit], planned: PlannedVisit, instruction: Message, gone: dict[str, Reasons]
+    ) -> Generator[Event, None, None]:
+        """Until the fixture is turned; units that send nothing are added to those gone. Those already measured stand
+        by: they tell how the fixture lies."""
+        while present := [unit for unit in units if unit.seat.serial not in gone]:
+            silent = yield from self._capture.wait_for_face(present, planned, instruction)
+            if not silent:
+                return
+            gone |= {unit.seat.serial: self._silence(unit, planned) for unit in silent}
 
     def _silence(self, unit: Unit, planned: PlannedVisit) -> Reasons:
         """Why the fixture need not be turned for a unit: it sends nothing."""

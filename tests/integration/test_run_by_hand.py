@@ -124,12 +124,21 @@ def test_frames_that_hold_no_reading_are_the_units_and_nobody_turns_for_them(
     assert all(other.outcome is Outcome.PASS for other in others)
 
 
-def test_a_nest_that_shows_another_side_than_the_others_is_outvoted(tmp_path: Path) -> None:
-    recipe = fixture_run.recipe(tmp_path, visit_repeats=0)
+@pytest.mark.parametrize("repeats", [0, 1])
+def test_a_nest_that_shows_another_side_than_the_others_is_outvoted(tmp_path: Path, repeats: int) -> None:
+    recipe = fixture_run.recipe(tmp_path, visit_repeats=repeats)
     ran = fixture_run.run(tmp_path, units=2, recipe=recipe, faults=("SN0001/stuck-axis:value=2",), wrap=by_hand())
     assert (ran.results["SN0001"].outcome, ran.results["SN0002"].outcome) == (Outcome.FAIL, Outcome.PASS)
     assert "Axis z reads exactly" in ran.results["SN0001"].reasons[0].sentence
     assert ran.fault is None
+
+
+def test_a_silent_unit_makes_nobody_measure_before_the_fixture_is_turned(tmp_path: Path) -> None:
+    recipe = fixture_run.recipe(tmp_path, visit_repeats=0)
+    turned_late = by_hand(delay_s=8.0)
+    ran = fixture_run.run(tmp_path, units=2, recipe=recipe, faults=("SN0001/stream-stops:after_s=3",), wrap=turned_late)
+    assert [r.outcome for r in ran.results.values()] == [Outcome.ERROR, Outcome.PASS]
+    assert "No readings at" in ran.results["SN0001"].reasons[0].sentence
 
 
 def test_a_device_that_sends_ten_readings_a_second_is_recognised(tmp_path: Path) -> None:
