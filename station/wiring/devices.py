@@ -43,9 +43,11 @@ def open_devices(
     if access is None:
         foreign = ForeignTrafficWatch(bus, nodes)
         network = ServiceNetwork(bus.service(service_ids(nodes)), clock, foreign.sent)
-        timeouts = device_map.timeouts()
+        timeouts, sizes = device_map.timeouts(), number_sizes(device_map)
         made: Mapping[int, Device] = {
-            node: with_presets(CanopenDevice(network, node, answer_s=answer_s, timeouts_s=timeouts), device_map)
+            node: with_presets(
+                CanopenDevice(network, node, answer_s=answer_s, timeouts_s=timeouts, sizes=sizes), device_map
+            )
             for node in nodes
         }
         return made.__getitem__, foreign

@@ -50,6 +50,20 @@ def test_expedited_upload(start: Start, answer: str, data: str) -> None:
     assert sdo.upload(0x1000, 0) == bytes.fromhex(data)
 
 
+def test_a_value_whose_size_is_not_said_is_as_long_as_its_object() -> None:
+    """CiA 301 lets a device leave the size out: what is read must then equal what was written, a byte or two long."""
+    unsaid = [
+        ("40 06 21 00 00 00 00 00", ["42 06 21 00 01 00 00 00"]),
+        ("40 00 18 05 00 00 00 00", ["42 00 18 05 0a 00 00 00"]),
+        ("40 01 1a 00 00 00 00 00", ["42 01 1a 00 05 00 00 00"]),
+    ]
+    channel = ScriptedChannel(NODE, *unsaid)
+    sdo = SdoClient(ServiceNetwork(channel, channel), NODE, sizes={(0x2106, 0): 1})
+    found = [sdo.upload(index, sub).hex() for index, sub in ((0x2106, 0), (0x1800, 5), (0x1A01, 0))]
+    assert found == ["01", "0a00", "05"]
+    channel.close()
+
+
 @pytest.mark.parametrize(
     ("data", "request_"),
     [

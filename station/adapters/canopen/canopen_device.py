@@ -24,7 +24,8 @@ _MOST_EMERGENCIES = 1000
 
 
 class CanopenDevice:
-    """One node of a ServiceNetwork. answer_s: usual SDO time-out; timeouts_s: objects that need another one."""
+    """One node of a ServiceNetwork. answer_s: usual SDO time-out; timeouts_s: objects that need another one; sizes:
+    bytes of objects, for a device that does not say them."""
 
     def __init__(
         self,
@@ -33,8 +34,9 @@ class CanopenDevice:
         *,
         answer_s: float = 1.0,
         timeouts_s: Mapping[tuple[int, int], float] | None = None,
+        sizes: Mapping[tuple[int, int], int] | None = None,
     ) -> None:
-        self.sdo = SdoClient(network, node, answer_s, timeouts_s)
+        self.sdo = SdoClient(network, node, answer_s, timeouts_s, sizes)
         self._network = network
         self._node = node
         self._state = "unknown"

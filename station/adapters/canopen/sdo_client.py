@@ -44,7 +44,8 @@ class _Endless(Exception):
 class SdoClient:
     """SDO of one node. Every call holds the node's lock, so threads take turns.
 
-    network: shared by all nodes; answer_s: usual time for an answer; timeouts_s: objects that need another.
+    network: shared by all nodes; answer_s: usual time for an answer; timeouts_s: objects that need another;
+    sizes: bytes of objects, for a device that does not say them (CiA 301, 7.2.4.3.6).
     After a time-out the node is in quarantine: the next call waits `answer_s`, drops what comes, and reads a
     mandatory object. The device answers in order, so that answer proves that no older one can follow it. An
     object whose write timed out must be read before it may be written again.
@@ -59,11 +60,12 @@ class SdoClient:
         node: int,
         answer_s: float = 1.0,
         timeouts_s: Mapping[Address, float] | None = None,
+        sizes: Mapping[Address, int] | None = None,
     ) -> None:
         self.node = node
         self.answer_s = answer_s
         self.dropped = 0
-        self._timeouts_s = dict(timeouts_s or {})
+        self._timeouts_s, self._sizes = dict(timeouts_s or {}), dict(sizes or {})
         self._network = network
         self._lock = threading.RLock()
         self._inbox: deque[bytes] = deque(maxlen=_MOST_WAITING)
@@ -81,7 +83,9 @@ class SdoClient:
         Errors: DeviceRefused with the abort code as a sentence; DeviceSilent; BusFault when two devices answer.
         """
         with self._lock:
-            data = self._run("read", index, sub, timeout_s, lambda: sdo_transfer.upload(index, sub))
+            data = self._run(
+                "read", index, sub, timeout_s, lambda: sdo_transfer.upload(index, sub, self._sizes.get((index, sub)))
+            )
             self._doubtful.discard((index, sub))
             return data
 

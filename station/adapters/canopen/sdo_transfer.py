@@ -58,15 +58,25 @@ def initiates(kind: int, index: int, sub: int, mask: int = COMMAND_MASK) -> Call
     return lambda answer: answer[0] & mask == kind and answer[1:4] == wanted
 
 
-def upload(index: int, sub: int) -> Upload:
-    """Reads an object, expedited or in segments."""
+def upload(index: int, sub: int, size: int | None = None) -> Upload:
+    """Reads an object, expedited or in segments. size: its bytes, where an expedited answer does not say them."""
     fits = initiates(sdo.RESPONSE_UPLOAD, index, sub)
     answer = yield Exchange((initiate_header(sdo.REQUEST_UPLOAD, index, sub) + bytes(4),), fits)
     command = answer[0]
     if command & sdo.EXPEDITED:
-        return answer[4 : 8 - ((command >> 2) & 3 if command & sdo.SIZE_SPECIFIED else 0)]
+        if command & sdo.SIZE_SPECIFIED:
+            return answer[4 : 8 - ((command >> 2) & 3)]
+        return answer[4 : 4 + (size or _communication_size(index, sub))]
     size = int.from_bytes(answer[4:8], "little") if command & sdo.SIZE_SPECIFIED else None
     return (yield from _upload_segments(size))
+
+
+def _communication_size(index: int, sub: int) -> int:
+    """Bytes of an object that CiA 301 defines, where they are fewer than four."""
+    kind = index & 0xFE00
+    if kind == 0x1800:
+        return {0: 1, 2: 1, 3: 2, 5: 2, 6: 1}.get(sub, 4)
+    return {(0x1A00, 0): 1}.get((kind, sub), {(0x1001, 0): 1, (0x1017, 0): 2}.get((index, sub), 4))
 
 
 def _upload_segments(size: int | None) -> Upload:
