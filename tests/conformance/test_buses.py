@@ -1,6 +1,7 @@
 """One suite over every bus of this process; the kernel's is in tests/vcan/guest/test_bus_conformance.py."""
 
 import os
+import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,7 +65,7 @@ class _PythonCanRig(Rig):
         self.driver, self.opened = driver, list[Any]()
 
     def bus(self, coming: Frames) -> PythonCan:
-        channel = f"station-{uuid.uuid4()}" if self.driver == "virtual" else "239.74.163.2"
+        channel = self.channel = f"station-{uuid.uuid4()}" if self.driver == "virtual" else "239.74.163.2"
         settings = PythonCan.Settings(driver=self.driver, options=self._options())
         self._bus, self._frames = PythonCan.open(channel, SystemClock(), settings), coming
         self._peer = can.Bus(
@@ -96,6 +97,23 @@ class TestPythonCan(BusSuite):
         rig = _PythonCanRig(request.param)
         yield rig
         rig.close()
+
+
+@pytest.mark.parametrize("driver", ["virtual", "udp_multicast"])
+def test_a_frame_is_stamped_when_it_is_sent_not_when_it_is_read(driver: str) -> None:
+    rig = _PythonCanRig(driver)
+    bus = rig.bus(Frames.empty())
+    settings = PythonCan.Settings(driver=driver, options=rig._options())
+    other = PythonCan.open(rig.channel, SystemClock(), settings)
+    rig.opened.append(other)
+    heard, sender = bus.stream((0x191,)), other.service(())
+    before_ns = time.time_ns()
+    sender.send(0x191, b"1")
+    after_ns = time.time_ns()
+    (stamp_ns,) = heard.receive(1.0).time_ns.tolist()
+    assert before_ns - 1000 <= stamp_ns <= after_ns + 1000  # python-can keeps stamps as floats
+    assert "not when it is read" in render(bus.limits)
+    rig.close()
 
 
 def test_several_buses_are_one_fixture() -> None:

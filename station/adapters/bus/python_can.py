@@ -26,9 +26,11 @@ from station.errors import BusFault, ConfigError
 from station.messages import Message, system_reason
 from station.ports.clock import Clock
 
-#: Whose clock stamps a frame: the adapter's own, or that of the process that reads it. Others are not known.
+#: Whose clock stamps a frame: the adapter's own, that of this machine when the frame is sent or arrives, or that of the
+#: process that reads it. Others are not known.
 _STAMPED_BY_ADAPTER: Final = ("kvaser", "pcan", "ixxat", "vector", "neovi", "gs_usb", "nican", "systec", "usb2can")
-_STAMPED_ON_READING: Final = ("slcan", "serial", "virtual", "udp_multicast", "socketcand", "robotell", "seeedstudio")
+_STAMPED_ON_ARRIVAL: Final = ("virtual", "udp_multicast")
+_STAMPED_ON_READING: Final = ("slcan", "serial", "socketcand", "robotell", "seeedstudio")
 _WITHOUT_UNITS: Final = ("virtual", "udp_multicast")
 _STATES: Final = {"ACTIVE": "active", "PASSIVE": "passive", "ERROR": "bus-off"}
 #: Drivers whose `state` is the controller's own; of others it is a constant.
@@ -108,9 +110,12 @@ class PythonCan:
         stamps = "time-stamps-unknown"
         if self._driver in _STAMPED_BY_ADAPTER:
             stamps = "time-stamps-of-adapter"
+        elif self._driver in _STAMPED_ON_ARRIVAL:
+            stamps = "time-stamps-on-arrival"
         elif self._driver in _STAMPED_ON_READING:
             stamps = "time-stamps-on-reading"
-        errors = "errors-not-reported" if self._driver in _STAMPED_ON_READING else "errors-as-driver-reports"
+        silent = (*_STAMPED_ON_ARRIVAL, *_STAMPED_ON_READING)
+        errors = "errors-not-reported" if self._driver in silent else "errors-as-driver-reports"
         return Message("python-can-limits", bus=self.name, stamps=Message(stamps), errors=Message(errors))
 
     def stream(self, can_ids: tuple[int, ...]) -> "_Channel":
