@@ -1,5 +1,6 @@
 """UDS byte by byte: what the station sends and takes, and what udsoncan's own client says of the simulated device."""
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -102,6 +103,17 @@ def test_a_negative_answer_is_a_sentence(code: int, says: str) -> None:
     uds, _ = client(("03 22 30 21", [f"03 7f 22 {code:02x}"]))
     with pytest.raises(DeviceRefused, match=says):
         uds.upload(0x3020, 1)
+
+
+def test_broken_frames_are_no_lines_on_the_operator_s_screen(capfd: pytest.CaptureFixture[str]) -> None:
+    uds, _ = client(("03 22 30 21", ["10 0d 62 30 21 00 00 80"]), ("30 08 00", ["22 3f 00 00 00 00 00 00"]))
+    logging.getLogger("isotp").propagate = False  # pytest's own handlers would hide the lines
+    try:
+        with pytest.raises(DeviceSilent, match="timed out"):
+            uds.upload(0x3020, 1)
+    finally:
+        logging.getLogger("isotp").propagate = True
+    assert capfd.readouterr().err == ""
 
 
 def test_communication_objects_are_refused_without_a_frame() -> None:

@@ -1,11 +1,15 @@
 """can-isotp without a thread and without a bus, for both ends of a line."""
 
+import logging
 from collections import deque
 from collections.abc import Callable
 
 import isotp
 
 from station.domain.core.types import EXTENDED
+
+# can-isotp warns of every broken frame in its log; what such a frame leads to is one sentence of the client's.
+logging.getLogger("isotp").addHandler(logging.NullHandler())
 
 
 def isotp_layer(
