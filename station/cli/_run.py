@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -172,9 +172,17 @@ class _ProgressLines:
         self._bar, self._title = bar, title
         self._task = bar.add_task(title, total=None)
         self._stated: Counter[tuple[str, str]] = Counter()
+        self._rejected: dict[Message, list[str]] = {}
 
     def event(self, event: Event) -> None:
-        """Shows one event."""
+        """Shows one event. What several nests have against them at one stop stands once, with their names."""
+        if isinstance(event, VisitRejected):
+            if self._new(event):
+                self._rejected.setdefault(rejection(replace(event, serial="")), []).append(event.serial)
+            return
+        for message, serials in self._rejected.items():
+            self._tell(Message(message.id, **{**message.parameters, "serial": ", ".join(serials)}))
+        self._rejected.clear()
         if isinstance(event, LoadStarted):
             self._bar.update(self._task, total=event.visits + len(PHASES))
         elif isinstance(event, PhaseEntered) and event.phase in PHASES:
@@ -191,8 +199,6 @@ class _ProgressLines:
             self._step(event.position)
         elif isinstance(event, Notice):
             self._tell(with_unit(event.serial, event.message))
-        elif isinstance(event, VisitRejected) and self._new(event):
-            self._tell(rejection(event))
 
     def _new(self, event: VisitRejected) -> bool:
         """Whether this kind of fault of this unit has not been stated often: its reasons come once more at the end."""

@@ -1,7 +1,13 @@
 """Reasons on a terminal: the root cause first, consequences of one kind in one line."""
 
+from types import SimpleNamespace
+
+import pytest
+
+from station.cli._run import _ProgressLines
 from station.domain.core.folded_reasons import folded, folded_units
 from station.domain.core.types import Reason
+from station.domain.run.progress import VisitDone, VisitRejected
 from station.messages import Message, render
 
 
@@ -30,4 +36,17 @@ def test_what_several_units_share_stands_once_with_their_names() -> None:
     assert list(folded_units(units)) == [
         "SN0: readings are 9.70 times the stimulus (and 3 more units like it: SN1, SN2, SN3)",
         "SN0, SN1, SN2, SN3: the bus went off",
+    ]
+
+
+def test_what_several_nests_have_against_them_at_one_stop_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    bar = SimpleNamespace(add_task=lambda *_args, **_kwargs: 0, update=lambda *_args, **_kwargs: None)
+    lines = _ProgressLines(bar, "run")
+    silent, lost = (Reason(Message.text(text), check=text) for text in ("No readings.", "2 frames lost."))
+    for serial, reason in (("SN1", silent), ("SN2", lost), ("SN3", silent)):
+        lines.event(VisitRejected(serial, "z-up", (reason,), again=True))
+    lines.event(VisitDone(1, 6, "z-up", {}))
+    assert capsys.readouterr().err.splitlines() == [
+        "SN1, SN3: No readings. Measuring again.",
+        "SN2: 2 frames lost. Measuring again.",
     ]
