@@ -18,12 +18,12 @@ def indices(units: int, report: Report) -> None:
         spread = 2 * (0.0475 / units) ** 0.5
         report.show(f"Cp, subgroups of {size}", 100, cp, NARROW, spread)
         report.show(f"Cpk, subgroups of {size}", 100, cpk, NARROW, spread)
-    inside = []
-    for _ in range(units):
-        people = 0.15 * rng.normal(size=(1, 3, 1))
-        study = msa.anova(rng.normal(size=(10, 1, 1)) + people + 0.2 * rng.normal(size=(10, 3, 3)))
-        low, high = study.intervals["grr"]
-        inside.append(low <= np.hypot(0.2, 0.15) <= high)
-    report.show(
-        "GRR, 10 parts, 3 appraisers, 3 trials", 100, float(np.mean(inside)), NARROW, 2 * (0.0475 / units) ** 0.5
-    )
+    for size, of_people, what in ((3, 0.15, "3 appraisers"), (2, 0.0, "2 appraisers alike")):
+        inside = []
+        for _ in range(units):
+            people = of_people * rng.normal(size=(1, size, 1))
+            study = msa.anova(rng.normal(size=(10, 1, 1)) + people + 0.2 * rng.normal(size=(10, size, 3)))
+            low, high = study.intervals["grr"]
+            inside.append(low <= np.hypot(0.2, of_people) <= high)
+        spread = 2 * (0.0475 / units) ** 0.5
+        report.show(f"GRR, 10 parts, {what}, 3 trials", 100, float(np.mean(inside)), NARROW, spread)

@@ -77,12 +77,13 @@ def test_readings_that_do_not_vary_are_refused() -> None:
         msa.type1(np.ones(25), 1.0, 1.0)
 
 
-def test_intervals_of_a_gauge_study_hold(rng: np.random.Generator) -> None:
-    """GRR of 400 studies of 10 parts, 3 appraisers, 3 trials; 95 % ± 3 standard errors of 1.1 %."""
-    true = np.hypot(0.2, 0.15)
+@pytest.mark.parametrize(("appraisers", "of_people"), [(3, 0.15), (2, 0.0)])
+def test_intervals_of_a_gauge_study_hold(rng: np.random.Generator, appraisers: int, of_people: float) -> None:
+    """GRR of 400 studies of 10 parts, 3 trials, appraisers who differ or do not; 95 % ± 3 standard errors of 1.1 %."""
+    true = np.hypot(0.2, of_people)
     inside = []
     for _ in range(400):
-        parts, people = rng.normal(size=(10, 1, 1)), 0.15 * rng.normal(size=(1, 3, 1))
-        low, high = msa.anova(parts + people + 0.2 * rng.normal(size=(10, 3, 3))).intervals["grr"]
+        parts, people = rng.normal(size=(10, 1, 1)), of_people * rng.normal(size=(1, appraisers, 1))
+        low, high = msa.anova(parts + people + 0.2 * rng.normal(size=(10, appraisers, 3))).intervals["grr"]
         inside.append(low <= true <= high)
     assert 0.917 < np.mean(inside) < 0.983

@@ -134,14 +134,15 @@ def _intervals(
     tolerance: float | None,
 ) -> dict[str, tuple[float, float]]:
     """95 % intervals by generalised pivots: each sum of squares over a χ² of its degrees of freedom is what its mean
-    square may be (Hamada & Weerahandi 2000, J. Quality Technology 32). Seeded, so that one study has one answer."""
+    square may be (Hamada & Weerahandi 2000, J. Quality Technology 32). GRR is a sum of mean squares with positive
+    weights (Burdick, Borror & Montgomery 2003, J. Quality Technology 35): cut at 0 one by one, effects that are not
+    there would push its interval up. Seeded, so that one study has one answer."""
     p, a, r = sizes
     rng = np.random.default_rng(DRAW_SEED)
     part, appraiser, interaction, error = (
         ss / rng.chisquare(dof, DRAWS) for ss, dof in zip(squares, freedom, strict=True)
     )
-    of_cell = np.maximum(interaction - error, 0.0) / r
-    grr2 = error + of_cell + np.maximum(appraiser - interaction, 0.0) / (p * r)
+    grr2 = error * (1 - 1 / r) + interaction * (1 - 1 / p) / r + appraiser / (p * r)
     part2 = np.maximum(part - interaction, 0.0) / (a * r)
     grr, pv = np.sqrt(grr2), np.sqrt(part2)
     found = {"grr": grr, "part": pv, "percent_grr": 100 * grr / np.sqrt(grr2 + part2), "ndc": 1.41 * pv / grr}
