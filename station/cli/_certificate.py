@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from station.cli import _output
 from station.cli._log_options import open_named_log
 from station.config.settings import load_settings
 from station.domain.core.types import Outcome
-from station.domain.records.issued_certificate import IssuedFile, digest_of, edition_for, issued_files
+from station.domain.records.issued_certificate import Edition, IssuedFile, digest_of, edition_for, issued_files
 from station.domain.records.stored_attempt import utc_day
 from station.errors import LogError, ReferenceOverdue, UsageError
 from station.files.replace import check_replaceable, replacing
@@ -44,6 +44,7 @@ class CertificateFiles:
     sign_key: Path | None
     sign_cert: Path | None
     language: str
+    changed: str = ""
 
     @property
     def any(self) -> bool:
@@ -73,7 +74,7 @@ def write_certificate(
     _require_traceable(issuer, facts.references(recipe))
     beside = facts.beside_log(issuer, stored)
     known = [file for _, file in issued_files(stored)]
-    edition = edition_for(known, facts.first_number(stored), beside, today)
+    edition = _edition(edition_for(known, facts.first_number(stored), beside, today), files.changed)
     found = facts.of_attempt(stored, recipe, head, issuer, edition, receipt, product.map)
     made = document.build(stored, recipe, head, words_of(files.language), issuer, edition, receipt, product.map)
     wanted: list[tuple[str, Path | None, Callable[[], bytes]]] = [
@@ -91,7 +92,7 @@ def write_certificate(
         _write(path, content)
         _output.print_line(str(path))
     issued = [
-        IssuedFile(edition.number, kind, digest_of(content), edition.issued, __version__, beside)
+        IssuedFile(edition.number, kind, digest_of(content), edition.issued, __version__, beside, edition.changed)
         for kind, _, content in contents
     ]
     if (unsealed := seal_issued(location, settings, chosen.attempt, issued)) is not None:
@@ -129,6 +130,17 @@ def _check(files: CertificateFiles) -> None:
         raise UsageError("certificate-dcc-version", version=files.dcc_version[:20])
     if (files.sign_key is None) != (files.sign_cert is None):
         raise UsageError("certificate-sign-pair")
+
+
+def _edition(found: Edition, stated: str) -> Edition:
+    """With what a person says that it changes, where the log of an older version does not know what it replaces.
+    Errors: UsageError."""
+    if not found.replaces or found.changed:
+        return found
+    parts = tuple(part.strip() for part in stated.split(",") if part.strip())
+    if not parts or not set(parts) <= set(facts.PARTS):
+        raise UsageError("certificate-change-unknown", number=found.replaces, parts=facts.PARTS)
+    return replace(found, changed=parts)
 
 
 def _require_traceable(issuer: Issuer, references: Sequence[object]) -> None:

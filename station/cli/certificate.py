@@ -22,6 +22,7 @@ def command(
     sign_key: Annotated[Path | None, Option(help="Private key (PEM) that signs the DCC; with --sign-cert.")] = None,
     sign_cert: Annotated[Path | None, Option(help="Certificate (PEM) of that key.")] = None,
     language: Annotated[str, Option(help="Language of the PDF: en, de or zh.")] = "en",
+    changed: Annotated[str, Option(help="What an amended certificate changes, where the log does not know.")] = "",
     check: Annotated[Path | None, Option(help="Compare this PDF, DCC or JSON with the log.")] = None,
     key: Annotated[Path | None, Option(help="With --check: the station's public key, PEM.")] = None,
     db: LogPath = None,
@@ -41,7 +42,7 @@ def command(
     from station.cli._certificate_check import check_file
     from station.errors import UsageError
 
-    files = CertificateFiles(pdf, xml, json, wsjf, dcc_version, sign_key, sign_cert, language)
+    files = CertificateFiles(pdf, xml, json, wsjf, dcc_version, sign_key, sign_cert, language, changed)
     if check is not None:
         if serial is not None or files.any:
             raise UsageError("certificate-check-alone")

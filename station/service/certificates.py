@@ -1,7 +1,6 @@
 """A unit's certificate out of the log, and what was issued into it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from station.domain.records.issued_certificate import ISSUED, IssuedFile
@@ -23,4 +22,4 @@ def certificate_of(log: LogReader, attempt: Attempt, words: Words) -> Certificat
 def seal_issued_files(store: Store, attempt: str, files: Sequence[Mapping[str, Any]]) -> None:
     """Seals what was issued under an attempt. Errors: StoreFault; KeyError, TypeError, ValueError where it is none."""
     for file in [IssuedFile.of(document) for document in files]:
-        store.event(attempt, ISSUED, asdict(file))
+        store.event(attempt, ISSUED, file.document())

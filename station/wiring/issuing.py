@@ -1,7 +1,6 @@
 """What certificates were issued goes into the log, so that `certificate --check` knows their files again."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +18,7 @@ def seal_issued(location: str, settings: Settings, attempt: str, files: Sequence
     a copy, a log of a plant or of another station's key is read all the same."""
     if plant_address(location):
         return Message("certificate-not-sealed-plant")
-    documents = [asdict(file) for file in files]
+    documents = [file.document() for file in files]
     write = partial(seal_issued_files, attempt=attempt, files=documents)
     try:
         seal_now(Path(location), settings, write, "certificate", {"attempt": attempt, "files": documents})

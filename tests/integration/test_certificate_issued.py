@@ -147,6 +147,28 @@ def test_another_customer_makes_another_certificate_which_names_the_one_it_repla
     assert "compare it yourself" not in shown, "customer and date are those that were issued"
 
 
+def test_what_an_older_log_does_not_know_is_stated_by_who_amends(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An earlier version kept no digests of what a certificate says: what another one changes, a person must say."""
+    with open_log(folder / "station.db") as log:
+        attempt = log.attempts(Query(serial="SN0001"))[0].attempt
+    sealed = {"number": f"station-1-{attempt}", "format": "pdf", "sha256": "0" * 64, "issued": "2026-01-02"}
+    with SqliteStore(folder / "station.db", "station-1") as store:
+        seal_issued_files(store, attempt, [{**sealed, "software": "0.1.0"}])
+    configured()
+    for wrong in ([], ["--changed", "colour"]):
+        with pytest.raises(UsageError, match=f"{sealed['number']}.*--changed"):
+            issue("--json", "2.json", *wrong)
+        assert not Path("2.json").exists()
+    issue("--json", "2.json", "--changed", "customer, place")
+    for name in ("2.json", "copy.json"):
+        issue("--json", name)
+        copied = json.loads((folder / name).read_text())
+        assert copied["replaces"] == sealed["number"] and copied["changed"] == ["customer", "place"]
+        assert check(name, capsys)[0] == 0, name
+
+
 def test_the_page_s_copy_of_an_issued_certificate_is_good(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It names no laboratory and no customer."""
     configured()

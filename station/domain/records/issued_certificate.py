@@ -4,7 +4,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 #: Kind of the event, under the attempt, that holds an issued file.
@@ -17,7 +17,8 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 @dataclass(frozen=True, slots=True)
 class IssuedFile:
     """number: the certificate's; format: of FORMATS; sha256: of the file's bytes; issued: ISO date; software: version
-    that made it; beside: what it says that no log knows, as `digests_of` writes it, '' in older logs."""
+    that made it; beside: what it says that no log knows, as `digests_of` writes it, '' in older logs; changed: parts in
+    which a person said that it differs from the one it replaces, where an older log does not know."""
 
     number: str
     format: str
@@ -25,15 +26,22 @@ class IssuedFile:
     issued: str
     software: str
     beside: str = ""
+    changed: tuple[str, ...] = ()
 
     @staticmethod
     def of(document: Mapping[str, Any]) -> "IssuedFile":
         """As an event holds it. Errors: KeyError, TypeError, ValueError where it is none."""
         needed = ("number", "format", "sha256", "issued", "software")
-        found = IssuedFile(**{key: str(document[key]) for key in needed}, beside=str(document.get("beside", "")))
+        texts = {key: str(document[key]) for key in needed} | {"beside": str(document.get("beside", ""))}
+        found = IssuedFile(**texts, changed=tuple(map(str, document.get("changed", ()))))
         if found.format not in FORMATS or not _SHA256.fullmatch(found.sha256):
             raise ValueError(found.format)
         return found
+
+    def document(self) -> dict[str, Any]:
+        """As an event holds it."""
+        found = asdict(self)
+        return found if self.changed else {key: value for key, value in found.items() if key != "changed"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +81,8 @@ def edition_of(known: Sequence[IssuedFile], number: str) -> Edition | None:
     at = numbers.index(number)
     if at == 0:
         return Edition(number, file.issued)
-    return Edition(number, file.issued, numbers[at - 1], _changed(known, numbers[at - 1], file.beside))
+    changed = _changed(known, numbers[at - 1], file.beside) or file.changed
+    return Edition(number, file.issued, numbers[at - 1], changed)
 
 
 def _numbers(known: Sequence[IssuedFile]) -> list[str]:

@@ -5,7 +5,7 @@ the DCC are converted there.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 from station.domain.core.types import Outcome
@@ -119,6 +119,10 @@ def what_log_taught(recipe: Recipe, known: History) -> list[Message]:
 def first_number(stored: Mapping[str, Any]) -> str:
     """Number of an attempt's certificate, as long as nothing on it is changed."""
     return f"{stored['station']}-{stored['attempt']}"
+
+
+#: Parts of a certificate that are not the attempt's, as `beside_log` names them.
+PARTS = (*(part.name for part in fields(Issuer)), "signatures")
 
 
 def beside_log(issuer: Issuer, stored: Mapping[str, Any]) -> str:
