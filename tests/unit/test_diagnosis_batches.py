@@ -8,7 +8,7 @@ import pytest
 
 from station.cli.app import main
 from station.diagnosis.candidates.projected_bank import project_bank
-from station.diagnosis.data.faults import matched_spectrum, motor_tone
+from station.diagnosis.data.faults import matched_spectrum, spectral_lines
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
 from station.diagnosis.search.candidate_banks import build_banks
@@ -70,7 +70,7 @@ def test_medians_of_many_windows_and_blocks_are_those_of_each() -> None:
     far = np.abs(np.arange(60)[:, None] - np.arange(60))
     near = (far > 2) & (far <= 9)
     near[5] = False
-    found = motor_tone._medians(values, near)
+    found = spectral_lines._medians(values, near)
     each = [np.median(values[n], axis=0) if n.any() else np.full(3, np.inf) for n in near]
     np.testing.assert_array_equal(found, each)
     blocks = [np.full(len(some), np.median(some)) for some in np.array_split(values[:, 0], 7)]

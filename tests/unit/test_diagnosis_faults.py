@@ -241,3 +241,14 @@ def test_an_axis_noisier_than_the_others_is_no_tone(seed: int) -> None:
     noise = np.random.default_rng(seed).standard_normal(len(made)) * 3 * np.std(np.diff(made.reading[:24, 2]))
     loud = np.c_[made.reading[:, :2], made.reading[:, 2] + noise]
     assert not inspect(recipe(), replace(made, reading=loud)).faults
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_any_colour_is_no_tone(seed: int) -> None:
+    """At the lower end of a spectrum that falls, all around a frequency is lower than it."""
+    kept, noise = 0.7, np.random.default_rng(seed).standard_normal((96, 25, 3))
+    for i in range(1, 25):
+        noise[:, i] = kept * noise[:, i - 1] + np.sqrt(1 - kept**2) * noise[:, i]
+    coloured, _ = hide(recipe(1), None, seed)
+    coloured = replace(coloured, reading=coloured.reading + 5e-4 * noise.reshape(-1, 3))
+    assert "motor-tone" not in found(coloured, recipe(1))

@@ -11,7 +11,6 @@ in the spectrum of all dwells together (`matched_spectrum.py`).
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -19,16 +18,13 @@ from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault, block_gain, halves_of
 from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
+from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING, PowerSpectrum, line_gains
 from station.diagnosis.data.faults.tone_power import TonePower, power_per_visit
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 #: Nats of log-likelihood that a line must gain beyond the number of frequencies tried.
 MIN_GAIN_NATS = 12.0
-#: Frequencies tried for each 1/dwell.
-OVERSAMPLING = 2
-#: The spectrum around a line: so many frequencies on each side, less those that the line itself reaches.
-BACKGROUND_BINS, LINE_BINS = 12, 2
 #: A unit needs so many stops before its arrivals can be told from its tones.
 MIN_FILTER_VISITS = 8
 #: What the second half of a dwell may hold less of a tone, in standard deviations, and the least share that it must.
@@ -128,7 +124,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         return []
     tried = np.arange(3, OVERSAMPLING * samples // 2) * rate / (OVERSAMPLING * samples)
     spectrum, matched = _power_spectrum(table, stop, rate, tried)
-    gains = _gains(spectrum)
+    gains = line_gains(spectrum)
     best = int(gains.argmax())
     coherent = matched.lines()
     significant = gains[best] >= MIN_GAIN_NATS + np.log(len(tried))
@@ -144,14 +140,6 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         return []
     fault = _fault(tone, d, sigma, nats, recipe)
     return [] if fault.rejected else [fault]
-
-
-class PowerSpectrum(NamedTuple):
-    """power (f, 3): mean of the stops, each weighted as a tone in proportion to motor would show in it; stops: how
-    many count, by their weight."""
-
-    power: Floats
-    stops: float
 
 
 def _power_spectrum(
@@ -203,33 +191,6 @@ def _count(d: WhiteDwells) -> Floats:
 
 def _weight(d: WhiteDwells) -> Floats:
     return np.asarray(d.motor**2 * _count(d))
-
-
-def _gains(spectrum: PowerSpectrum) -> Floats:
-    """Log-likelihood (f) that a line of powers (f, 3) gains over the median of the spectrum around it.
-
-    The background is the data's own, so neither the tails nor the colour of the noise can pass for a line. Powers
-    are exponential: a mean of N of them that is r times what it should be is e^(−N(r − 1 − ln r)) likely (Chernoff's
-    bound). N counts the stops by their weight, and less where the background itself is known from few frequencies.
-    """
-    power, place = spectrum.power, np.arange(len(spectrum.power))
-    far = np.abs(place[:, None] - place)
-    around = (far > LINE_BINS) & (far <= BACKGROUND_BINS)
-    background = _medians(power, around)
-    known = spectrum.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(around.sum(1), 1))
-    ratio = np.maximum(power / np.maximum(background, 1e-300), 1.0)
-    return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
-
-
-def _medians(values: Floats, near: NDArray[np.bool_]) -> Floats:
-    """Medians (n, 3) of those of the values (m, 3) that are near each place (n, m); infinite where none is. Places with
-    as many neighbours are gone through together."""
-    count = near.sum(1)
-    found = np.full((len(near), values.shape[1]), np.inf)
-    for many in np.unique(count[count > 0]):
-        places = np.flatnonzero(count == many)
-        found[places] = np.median(values[np.nonzero(near[places])[1].reshape(-1, many)], axis=1)
-    return found
 
 
 def _refine_frequency(d: WhiteDwells, frequency_hz: float) -> float:
