@@ -4,12 +4,13 @@ Each stands with the words of which at least one must be in `depends_on`, unless
 library at that strength. Nothing here shares a line with the station's simulation or with its kernels.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from tests.blind.bench import Hidden, Scaled, World
-from tests.blind.hidden import UNKNOWN, per_unit
+from tests.blind.hidden import UNKNOWN, adds, per_unit
 
 Array = Any
 
@@ -91,6 +92,24 @@ def _gain_that_jumps(w: World, rng: Scaled) -> Array:
     return (w.t > rng.uniform(0.4, 0.6) * w.t.max())[:, None] * w.a
 
 
+def _across_the_step(w: World, rng: Scaled) -> Array:
+    return np.roll(w.before - w.a, 1, axis=1)
+
+
+def _arriving_under_vibration(w: World, rng: Scaled) -> Array:
+    return w.motor * np.exp(-w.away / 0.25)
+
+
+def _each_nest_by(course: Callable[[World], Array]) -> Hidden:
+    """An offset of each nest that follows something."""
+
+    return adds(lambda w, rng: rng.amplitude(3e-4, (2, 3))[w.nest] * course(w)[:, None])
+
+
+def _move(w: World) -> Array:
+    return np.linalg.norm(w.before - w.a, axis=1)
+
+
 #: What is hidden, with the words that may stand in `depends_on`.
 OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     **UNKNOWN,
@@ -111,5 +130,9 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "switch of the drive": ({"motor"}, per_unit(3e-4, _driven_hard)),
     "gain that jumps": ({"time", "input"}, per_unit(3e-4, _gain_that_jumps)),
     "vibration by time": ({"motor", "time"}, per_unit(3e-4, _vibration_by_time)),
+    "hysteresis across axes": ({"order"}, per_unit(3e-4, _across_the_step)),
+    "arrival under vibration": ({"dwell-phase", "motor"}, per_unit(3e-4, _arriving_under_vibration)),
+    "nest that creeps in the run": ({"time", "group"}, _each_nest_by(lambda w: _share(w.t))),
+    "nest that gives with the move": ({"order", "group"}, _each_nest_by(_move)),
     "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
 }

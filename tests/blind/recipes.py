@@ -15,3 +15,11 @@ def recipe(runs: int = 3) -> Recipe:
     whole = load_recipe("tilt-24")
     device = whole.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})
     return whole.model_copy(update={"device": device, "runs": whole.runs[:runs]})
+
+
+def six_faces(*orders: str) -> Recipe:
+    """The faces of a cube in some orders."""
+    faces = load_recipe("six-point")
+    runs = tuple(recipe().runs[0].model_copy(update={"order": order}) for order in orders)
+    device = faces.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})
+    return faces.model_copy(update={"runs": runs, "device": device})

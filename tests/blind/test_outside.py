@@ -11,9 +11,7 @@ from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.data.faults import inspect
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.diagnosis_document import document
-from station.diagnosis.search.alarm import TAIL_START
 from station.diagnosis.search.candidate_banks import all_candidates
-from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.form_check import compare_laws
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.domain.core.types import Labels, SampleTable
@@ -21,23 +19,20 @@ from station.domain.recipe.recipe import Recipe
 from station.model.effects.gain_temperature import GainTemperature
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
-from tests.blind.bench import WHITE, Array, Floor, Hidden, World, hide, world
+from tests.blind.bench import WHITE, Array, Floor, World, hide, world
 from tests.blind.hidden import KNOWN, per_unit
 from tests.blind.inspection import diagnosis_of, searched
 from tests.blind.outside import OUTSIDE
-from tests.blind.recipes import RATE_HZ, recipe
+from tests.blind.recipes import recipe, six_faces
 from tests.portion import WHOLE, portion
 
 SEED = int(os.environ.get("SEED", "1"))
 #: Some of them for every day; the benchmark's row `unknown` hides them all.
 CHOSEN = ("gain under vibration", "hysteresis with temperature", "resonance of the drive", "vibration by time")
-#: What a cause of the library imitates, and causes that some law resembles.
-IMITATED = ("size under vibration", "temperature on crosstalk", "product of axes that drifts")
 #: From here on a name is certain.
 SURE = 0.9
 #: Stops that a loop of temperature is cut into, s.
 CUTS_S = (10.0, 60.0, 120.0)
-RESEMBLED = ("cubic", "gain-temperature", "offset-temperature")
 
 
 def one_pose(up: str) -> Recipe:
@@ -82,37 +77,6 @@ def test_two_causes_at_once_are_found_where_no_pose_is_known() -> None:
     assert found.verdict == "named"
 
 
-def six_faces(*orders: str) -> Recipe:
-    """The faces of a cube in some orders."""
-    faces = load_recipe("six-point")
-    runs = tuple(recipe().runs[0].model_copy(update={"order": order}) for order in orders)
-    device = faces.device.model_copy(update={"rate_hz": RATE_HZ, "lsb": 0.0})
-    return faces.model_copy(update={"runs": runs, "device": device})
-
-
-def test_what_fades_is_no_certain_hysteresis_at_six_faces() -> None:
-    faces = six_faces("listed")
-    table, _ = hide(faces, OUTSIDE["hysteresis that fades"][1], 60 + SEED, d=24.0)
-    found = searched(faces, table)
-    assert all(f.words or f.doubts or f.set_probability < SURE for f in found.findings)
-
-
-def test_what_swings_at_six_faces_is_seen_in_time_and_no_kernel_outruns_chance() -> None:
-    """A kernel of as many columns as a run has visits follows anything: its evidence in null sets was rounding."""
-    faces = six_faces("listed", "reversed", "shuffled", "reversed")
-
-    def swinging(w: World, rng: np.random.Generator) -> Array:
-        at = 2 * np.pi * w.t / w.t.max() + 2.4 * (w.run + 4 * w.unit)
-        return np.sin(at)
-
-    table, _ = hide(faces, per_unit(3e-4, swinging), 50 + SEED, d=30.0)
-    found = searched(faces, table)
-    assert "time" in found.words
-    assert found.null is not None
-    # A likelihood ratio is beyond x nats by chance at most once in eˣ; nats more for σ, which is taken at its best.
-    assert max(q[-1] for q in found.null.quantiles.values()) < -np.log(1 - TAIL_START) + 0.5
-
-
 def test_one_cause_of_many_numbers_is_not_sure_where_two_of_few_say_as_much() -> None:
     faces = six_faces("listed", "reversed", "shuffled")
 
@@ -150,28 +114,6 @@ def test_what_is_a_product_or_a_bend_of_covariates_is_never_named_alone(name: st
     found = diagnosis_of(recipe(), table)
     assert found.verdict in ("unknown", "incomplete")
     assert words & set(found.depends_on)
-
-
-def found_of(hidden: Hidden, seed: int, d: float) -> SearchResult:
-    """What a search finds of a hidden thing."""
-    table, _ = hide(recipe(), hidden, seed, floor=WHITE, d=d)
-    return searched(recipe(), table)
-
-
-@pytest.mark.parametrize("name", portion(IMITATED))
-def test_what_a_cause_of_the_library_imitates_is_not_named_for_certain(name: str) -> None:
-    """What the imitation leaves is too weak to alarm; that another law does better in its place is not."""
-    found = found_of(OUTSIDE[name][1], 1000 + SEED, 16.0)
-    assert found.findings
-    assert OUTSIDE[name][0] & set(found.words)
-    assert all(f.words or f.probability[f.name] < 0.9 for f in found.findings)
-
-
-@pytest.mark.parametrize("name", portion(RESEMBLED))
-def test_a_cause_that_laws_resemble_keeps_its_name(name: str) -> None:
-    found = found_of(KNOWN[name], 1100 + SEED, 16.0)
-    assert name in (found.findings[0].name, *found.findings[0].indistinguishable_from)
-    assert not found.words
 
 
 @pytest.mark.parametrize(("runs", "sure"), [(1, False), (3, True)])

@@ -81,14 +81,20 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
         columns = _each_axis(np.cos(np.pi * share[:, None] * np.array(waves)))
         for of in _levels(view, "run", "unit", "common"):
             yield _kernel("time", of, view, columns)
+    # One swing in a run, with any phase: few numbers, where a run has few visits.
+    columns = _each_axis(np.stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share)], axis=1))
+    for of in _levels(view, "run", "unit", "common"):
+        yield _kernel("time", of, view, columns)
 
 
 def _order(view: ResidualView) -> Iterator[Candidate]:
-    """Every second stop, and the position before."""
+    """Every second stop, the step from the one before on any axis, and the position before."""
     visits = view.scene.visits
     turn = _each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
+    step = _each_axis(_steps(view, resting_stimulus(view.scene, view.active)))
     for of in _levels(view, "unit", "common"):
         yield _kernel("order", of, view, turn)
+        yield _kernel("order", of, view, step)
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
     yield _grouped("order", "previous", before.astype(np.int32), names, _ones(view))
@@ -125,6 +131,12 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
             yield _kernel("temperature", of, view, columns)
 
 
+def _steps(view: ResidualView, a: Floats) -> Floats:
+    """By how much what each axis feels (v, 3) was another at the stop before."""
+    previous = view.scene.visits.previous
+    return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
+
+
 def _input(view: ResidualView) -> Iterator[Candidate]:
     """Every product of two or three components of the true vector on every axis."""
     a = resting_stimulus(view.scene, view.active)
@@ -143,8 +155,7 @@ def _phase(view: ResidualView) -> Iterator[Candidate]:
     blocks = np.arange(r.count.shape[1])
     pulse = (blocks[:, None] == blocks[:-1]).astype(float)
     a = resting_stimulus(view.scene, view.active)
-    previous = view.scene.visits.previous
-    step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
+    step = _steps(view, a)
     for size in (np.ones_like(a), step, a):
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
         stop, dwell = mean_and_contrasts(rows, r.count)
@@ -194,15 +205,22 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             columns = np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1)
             for of in _levels(view, "unit", "common") if bends == 1 else ("unit",):
                 yield _kernel(f"{one}*{two}", of, view, columns)
+    a = resting_stimulus(view.scene, view.active)
+    for one in FACTORS:
+        if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
+            # What each axis takes of any, changing with a covariate.
+            columns = _each_axis(a) * factor[one][:, :, :1]
+            for of in _levels(view, "unit", "common"):
+                yield _kernel(name, of, view, columns)
 
 
 def _factors(view: ResidualView) -> dict[str, Floats]:
     """Functions (v, 3, f) of each covariate that varies, for each axis: Legendre's first two, or what an axis feels
     now and by how much that is another than at the stop before."""
-    scene, visits = view.scene, view.scene.visits
+    scene = view.scene
     a = resting_stimulus(scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    step = np.where(visits.previous[:, None] >= 0, a[visits.previous] - a, 0.0)
+    step = _steps(view, a)
     plain: dict[str, Floats | None] = {"time": scene.time_s, "motor": scene.motor}
     T = scene.temperature_degC
     plain["temperature"] = None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T

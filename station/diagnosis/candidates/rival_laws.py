@@ -5,13 +5,15 @@ threshold, a wave or a product at one value of its constants pays for one, and s
 What the library's causes do themselves is left out. These columns, like those of the kernels, are not simulated.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, product
 
 import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.shape import has_jump
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
@@ -20,10 +22,14 @@ from station.model.forward import resting_stimulus
 
 #: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
 SWITCHES, BENDS, PERIODS = (
-    (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85),
+    tuple(share / 20 for share in range(2, 19)),
     (0.3, 0.5, 0.7, 0.85),
     (0.2, 0.3, 0.45, 0.65, 0.9),
 )
+#: Levels that are labels of the visits.
+LABELS = ("nest", "station", "lot", "operator")
+#: Temperatures at which a jump is tried as a switch.
+MAX_SWITCHES = 6
 #: Levels of the motors between which something may switch, at most.
 MAX_LEVELS = 5
 #: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
@@ -58,30 +64,100 @@ def covariates_of_law(name: str) -> tuple[str, ...]:
     return tuple(name.removeprefix(PREFIX).split("/")[0].split("*"))
 
 
-def rival_laws(view: ResidualView) -> list[Candidate]:
-    """Every law that these data can show, for each unit on its own and, of several units, common to all."""
-    found = []
+def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: str = "unit") -> list[Candidate]:
+    """Every law that these data can show, for each unit on its own and, of several units, common to all; those of the
+    shape and the level of a cause, too: what changes it, what else switches where it jumps."""
+    of = level if cause is None else cause.candidate.of
     levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
-    for i, (covariates, parts) in enumerate(_laws(view)):
+    found = list(_at_levels(view, _laws(view), levels))
+    if of in LABELS:
+        found += _at_levels(view, chain(_laws(view), _straight(view)), (of,))
+    elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
+        found += _at_levels(view, _swings(view), (of,))
+    if cause is not None:
+        found += [*_at_levels(view, _switches_at(cause, view), levels), *_changing(cause.candidate, view)]
+    return [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(found)]
+
+
+def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:
+    """Laws as candidates, shared at each of some levels."""
+    for covariates, parts in laws:
         columns = np.concatenate([np.eye(3) * part[:, None, :] for part in parts], axis=2)
         if not np.any(np.ptp(columns, axis=0)):
             continue
         for of in levels:
             code, names = view.scene.group(of)
             pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
-            found.append(Candidate(f"{PREFIX}{covariates}/{i}/{of}", None, of, pattern, code, names, columns))
-    return found
+            word = f"{covariates}*group" if of in LABELS else covariates
+            yield Candidate(f"{PREFIX}{word}/{of}", None, of, pattern, code, names, columns)
+
+
+def _straight(view: ResidualView) -> Iterator[Law]:
+    """An offset in proportion to a covariate: of each unit or run a cause of the library, of a nest or a lot none."""
+    for name, of in _curves(view):
+        yield name, (_each(of.plain),)
+
+
+def _swings(view: ResidualView) -> Iterator[Law]:
+    """Waves in time, which have another phase in each run."""
+    for name, of in _curves(view):
+        if name == "time":
+            yield from ((name, (_each(x), _each(y))) for x, y in of.waves)
+
+
+def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
+    """Switches of the temperature where it stood as a cause jumps in time: where it only rises they are the same."""
+    T, times, previous = view.scene.temperature_degC, view.scene.time_s, view.scene.visits.previous
+    one = jump.candidate
+    if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE or not has_jump(one.effect):
+        return
+    levels = list[Floats]()
+    for effect, groups in one.shapes.items():
+        jumped = (groups & jump.hit)[one.code] & (previous >= 0)
+        at_s: float = effect.at_s  # type: ignore[attr-defined]
+        across = jumped & (times[previous] < at_s) & (times >= at_s)
+        levels.append((T[previous] + T)[across] / 2)
+    found = np.unique(np.round(np.concatenate(levels), 2))
+    for i in np.unique(np.linspace(0, len(found) - 1, min(len(found), MAX_SWITCHES)).astype(int)):
+        yield "temperature", (_each(_centred(found[i] < T)),)
+
+
+def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
+    """A course within the dwells that changes with a covariate, or grows with the move before it."""
+    if cause.dwell is None:
+        return
+    curves = {name: of.plain for name, of in _curves(view)}
+    size = np.linalg.norm(_steps(view), axis=1)
+    for name, x in {**curves, "order": size}.items():
+        stop, dwell = cause.stop * x[:, None, None], cause.dwell * x[:, None, None, None]
+        yield replace(
+            cause,
+            name=f"{PREFIX}dwell-phase*{name}/{cause.of}",
+            effect=None,
+            stop=stop,
+            dwell=dwell,
+            plain=None,
+            own=(),
+        )
 
 
 def _laws(view: ResidualView) -> Iterator[Law]:
-    a = resting_stimulus(view.scene, view.active)
-    a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    previous = view.scene.visits.previous
-    step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
-    curves = dict(_curves(view))
+    a, step, curves = _stimulus(view), _steps(view), dict(_curves(view))
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
     yield from _memories(view)
     yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
+
+
+def _stimulus(view: ResidualView) -> Floats:
+    """What each axis feels at each stop (v, 3), as a share of the most."""
+    a = resting_stimulus(view.scene, view.active)
+    return np.asarray(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300))
+
+
+def _steps(view: ResidualView) -> Floats:
+    """By how much it was another at the stop before (v, 3)."""
+    a, previous = _stimulus(view), view.scene.visits.previous
+    return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
 
 
 def _curves(view: ResidualView) -> Iterator[tuple[str, Curves]]:
@@ -96,7 +172,7 @@ def _curves(view: ResidualView) -> Iterator[tuple[str, Curves]]:
     if motor is not None and np.ptp(motor) > 0:
         between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
         chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
-        bent = (np.sqrt(np.abs(motor)), motor**3)
+        bent = (np.sqrt(np.abs(motor)), motor, motor**3)
         yield "motor", Curves(_from_zero(motor), bent, tuple(_centred(motor > level) for level in chosen))
 
 
@@ -129,7 +205,8 @@ def _each(x: Floats) -> Floats:
 def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
     """An offset that bends, switches or swings, or follows a product."""
     for name, of in curves.items():
-        yield from ((name, (_each(x),)) for x in (*of.bent, *of.switched))
+        # What switches in time is a cause of the library.
+        yield from ((name, (_each(x),)) for x in (*of.bent, *(of.switched if name != "time" else ())))
         yield from ((name, (_each(x), _each(y))) for x, y in of.waves)
     for (one, x), (two, y) in combinations(curves.items(), 2):
         yield f"{one}*{two}", (_each(x.plain * y.plain),)
@@ -203,3 +280,4 @@ def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
     yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
     yield from (("order", (form,)) for form in (way, way * np.minimum(size, PLAY), step * size, size))
     yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
+    yield "order", (_each(np.linalg.norm(step, axis=1)),)

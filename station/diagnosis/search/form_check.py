@@ -68,7 +68,8 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaw
     """The laws in place of accepted cause i, beside all others. floor: the one with all of them known."""
     bare = problem.without(i)
     forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(_forms(problem.accepted[i].candidate, bare.view))]
-    ranks = _ranked(bare, forms, floor)
+    laws = rival_laws(bare.view, problem.accepted[i].in_view(bare.view))
+    ranks = _ranked(bare, forms, laws, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
     found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
     in_order = _follows_order(problem.accepted[i].candidate, bare.view)
@@ -96,7 +97,8 @@ def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
 
 def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> RivalLaws:
     """The laws in place of the kernel that was found, which is wide and may follow what depends on something else."""
-    return _rivals(_ranked(problem, [], unknown.floor), unknown.evidence[unknown.name])
+    laws = rival_laws(problem.view)
+    return _rivals(_ranked(problem, [], laws, unknown.floor), unknown.evidence[unknown.name])
 
 
 def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats) -> RivalLaws:
@@ -105,7 +107,7 @@ def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats)
     bounded = with_bounded_variance(problem, name, upper)
     scatter, law = problem.fit(), bounded.fit()
     gain = scatter.space.profile - law.space.profile - OCCAM_NATS
-    found = _rivals(_ranked(bounded, [], law.floor), gain + CHOICE_NATS)
+    found = _rivals(_ranked(bounded, [], rival_laws(problem.view, level="run"), law.floor), gain + CHOICE_NATS)
     if name != BiasWalk.id:
         return found
     returning = RivalLaws(nats_ahead(problem), ("time",))
@@ -121,9 +123,10 @@ def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:
     return RivalLaws(top - evidence, words)
 
 
-def _ranked(problem: ScoringProblem, causes: list[Candidate], floor: NoiseFloor) -> dict[str, RankedCause]:
+def _ranked(
+    problem: ScoringProblem, causes: list[Candidate], laws: list[Candidate], floor: NoiseFloor
+) -> dict[str, RankedCause]:
     """The causes, and the laws that are near the best, each under the best of the floors that the leaders ask for."""
-    laws = rival_laws(problem.view)
     first = _under(problem, [*causes, *laws], floor)[1]
     totals = dict(zip((c.name for c in first.candidates), first.totals() - first.without(), strict=True))
     least = max(totals.values(), default=0.0) - PROMISING_NATS
