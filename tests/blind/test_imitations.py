@@ -61,6 +61,17 @@ def test_a_switch_of_a_temperature_that_only_rises_is_no_certain_jump_in_time() 
     assert all(f.words or f.set_probability < SURE for f in found)
 
 
+def test_what_a_floor_gains_by_itself_speaks_for_no_cause() -> None:
+    """In noise that is not white the rest of a dwell fits better beside a kernel, with any cause or without."""
+    noise = np.random.default_rng(SEED).standard_normal((288, 25, 3))
+    for i in range(1, 25):
+        noise[:, i] = 0.5 * noise[:, i - 1] + np.sqrt(0.75) * noise[:, i]
+    table, _ = hide(recipe(), OUTSIDE["temperature on crosstalk"][1], 80 + SEED, d=30.0)
+    table = replace(table, reading=table.reading + 5e-4 * noise.reshape(-1, 3))
+    (found,) = searched(recipe(), table).findings
+    assert set(found.words) >= {"temperature", "input"}
+
+
 def found_of(hidden: Hidden, seed: int, d: float) -> SearchResult:
     """What a search finds of a hidden thing."""
     table, _ = hide(recipe(), hidden, seed, floor=WHITE, d=d)

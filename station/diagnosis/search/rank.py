@@ -51,17 +51,29 @@ def leaders(ranks: Mapping[str, RankedCause]) -> tuple[RankedCause | None, Ranke
 def rank_causes(
     problem: ScoringProblem, banks: Sequence[Bank], first: WalkMarginal, words: Sequence[str]
 ) -> dict[str, RankedCause]:
-    """Every cause under the best of the floors visited, `first` the one without any of them. words: the kernels."""
-    zero = first.without()
+    """Every cause under the best of the floors visited, `first` the one without any of them. words: the kernels.
+
+    Without a cause the readings, too, have the best of these floors: what a floor gains by itself speaks for none. A
+    floor whose scale, once free, would take its walk or its turns beyond what is allowed is none for them.
+    """
     best: dict[str, RankedCause] = {}
-    visited: list[NoiseFloor] = []
+    visited: list[WalkMarginal] = []
     now: WalkMarginal | None = first
     while now is not None and len(visited) < 6:
-        visited.append(now.best.floor)
-        keep_best(best, now, zero)
-        now = _next_floor(problem, banks, best, visited, words)
+        visited.append(now)
+        fair = [m for m in visited[1:] if _is_allowed(problem, m.best.floor, first.best.floor)]
+        zero, best = np.max([marginal.without() for marginal in (first, *fair)], axis=0), {}
+        for marginal in visited:
+            keep_best(best, marginal, zero)
+        now = _next_floor(problem, banks, best, [marginal.best.floor for marginal in visited], words)
     best.update(_floor_causes(problem, first.best))
     return best
+
+
+def _is_allowed(problem: ScoringProblem, floor: NoiseFloor, first: NoiseFloor) -> bool:
+    """Whether walk and turns of a floor are within their bounds still where its noise is that of the first one."""
+    scaled = floor.variances[1:] * first.variances[0]
+    return bool(np.all(scaled <= 1.01 * problem.upper[1:] * floor.variances[0]))
 
 
 def keep_best(best: dict[str, RankedCause], now: WalkMarginal, zero: Floats) -> None:
