@@ -92,3 +92,9 @@ def test_a_cause_that_laws_resemble_keeps_its_name(name: str) -> None:
     found = found_of(KNOWN[name], 1100 + SEED, 16.0)
     assert name in (found.findings[0].name, *found.findings[0].indistinguishable_from)
     assert not found.words
+
+
+def test_a_jump_of_one_unit_in_one_run_is_a_step_and_no_walk() -> None:
+    table, _ = hide(recipe(1), KNOWN["step"], 90 + SEED, units=1, d=20.0)
+    (found,) = searched(recipe(1), table).findings
+    assert found.name == "step"

@@ -266,12 +266,14 @@ def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
         key = (own and len(view.scene.visits.unit.names) > 1, code.tobytes())
         if key in seen or (of == "visit" and len(names) < 2):
             continue
-        seen.append(key)
         rare = of == "visit" or any(p.name == "at" for p in effect.forms)
         if not (rare and own and of != "unit"):
             found.append((of, "own" if own else "shared"))
         if of in ("visit", "run") and len(names) > 1:
             found.append((of, "scan"))
+        # Of one run there is none to look for: what is rare is its unit's.
+        if found and found[-1][0] == of:
+            seen.append(key)
     return found
 
 
