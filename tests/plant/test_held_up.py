@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
+import psycopg
 import pytest
 
 from station.adapters.postgres.connections import Connections
@@ -32,6 +33,16 @@ def test_a_log_that_comes_several_times_at_once_begins_once(plant: FakePlant, ne
         standings = list(pool.map(lambda portion: plant.receive(station, portion, log_id), portions))
     assert [s.refusal for s in standings] == [None] * 8
     assert plant.store.quarantined(resolved=True) == []
+
+
+def test_after_the_database_ended_one_question_fails_and_not_one_for_each_connection(plant: FakePlant) -> None:
+    with plant.connections.one() as first, plant.connections.one() as second, plant.connections.one() as third:
+        pids = [one.info.backend_pid for one in (first, second, third)]
+    with psycopg.connect(plant.address, autocommit=True) as other:
+        other.execute("SELECT pg_terminate_backend(pid) FROM unnest(%s::int[]) pid", [pids])
+    with pytest.raises(StoreFault, match="terminat"):
+        plant.store.standings()
+    assert plant.store.standings() == []
 
 
 @pytest.mark.parametrize("held", ["SELECT 1 FROM log FOR UPDATE", "LOCK TABLE visit IN ACCESS EXCLUSIVE MODE"])

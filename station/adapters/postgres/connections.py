@@ -78,6 +78,8 @@ class Connections:
             try:
                 yield connection
             except BaseException:
+                if connection.broken:  # by the server's end, which those that idle have not heard of yet
+                    self.close()
                 with suppress(psycopg.Error):
                     connection.close()
                 raise
