@@ -13,6 +13,7 @@ from station.domain.watch import change_point
 from station.domain.watch.bank import LoadValues, WatchBank, WatchedPlace
 from station.domain.watch.e_detector import SHIFTS, RankShares, ShiftDetector, likelihood_ratios
 from station.domain.watch.load import load_values
+from station.domain.watch.put_right import righted_since
 from station.domain.watch.signals import WatchedSignal, projector
 from station.domain.watch.size import drift_of
 from tests.fakes.watched_log import visits
@@ -148,3 +149,35 @@ def test_one_wild_unit_raises_no_alarm() -> None:
         value = rng.normal(0, 1, 3) + (1e6 if load == 60 else 0)
         raised += bank.add(load_values(load, {"A": {WatchedSignal("offset"): value}}, 1))[0]
     assert raised == []
+
+
+def test_a_change_that_lasts_is_not_taken_for_put_right_and_one_that_is_over_soon_is() -> None:
+    """Found where chance made it large: its first ten values lie 0.8 standard deviations above its level of 1.5."""
+    trials, lasting, repaired, back, wrong, late = 60, 60, 40, 1.5, 0, 0
+    for seed in range(trials):
+        values = math.sqrt(3 / 5) * np.random.default_rng([SEED, seed]).standard_t(5, (lasting + repaired, 2))
+        values[:lasting, 0] += back
+        values[:10, 0] += 0.8
+        after = values[:10].mean(axis=0)
+        wrong += any(righted_since(values[:n], after) is not None for n in range(11, lasting + 1))
+        since = next((s for n in range(lasting + 1, len(values)) if (s := righted_since(values[:n], after))), None)
+        late += since is None or not lasting - 15 <= since <= lasting + 15
+    assert wrong / trials <= 0.02 + 4.5 * math.sqrt(0.02 / trials), "one in fifty, and chance"
+    assert late / trials <= 0.02 + 4.5 * math.sqrt(0.02 / trials)
+
+
+def test_one_good_unit_after_a_large_change_does_not_end_it() -> None:
+    values = np.full((12, 1), 50.0)
+    values[11] = 0.0
+    assert righted_since(values, np.array([50.0])) is None
+    assert righted_since(np.vstack([values, [[0.0]]]), np.array([50.0])) == 11
+
+
+def test_other_places_keep_what_they_learnt_when_a_change_is_put_right() -> None:
+    rng, bank, ended = np.random.default_rng(SEED), WatchBank(), 0
+    places = [WatchedPlace(WatchedSignal("offset"), nest) for nest in "AB"]
+    for number in range(1, 161):
+        shift = 6.0 if 80 < number <= 120 else 0.0
+        ended += len(bank.add(LoadValues(number, {p: rng.normal(shift * (p == places[0]), 1, 2) for p in places}))[1])
+    assert ended == 1
+    assert [len(bank._streams[p][0].values) for p in places] == [pytest.approx(120, abs=6), 160]

@@ -15,11 +15,10 @@ from station.domain.core.types import Floats
 from station.domain.watch import change_point
 from station.domain.watch.change_point import Change
 from station.domain.watch.e_detector import LEARN, RankShares, ShiftDetector, likelihood_ratios
+from station.domain.watch.put_right import righted_since
 from station.domain.watch.signals import WatchedSignal
 
 DEFAULT_RUN_LENGTH = 1000
-#: Log likelihood ratio of "as before" against "still changed" that ends an alert; no load counts more than the other.
-_RIGHTED_NATS, _MOST_A_LOAD = math.log(1000), 4.0
 #: Beginnings this many loads apart, or this share of the loads since then, are one change.
 _SAME_LOADS, _SAME_SHARE = 5, 0.25
 #: Causes whose log likelihoods are this near cannot be told apart.
@@ -87,8 +86,6 @@ class Alert:
     loads: int
     ended: int | None = None
     watched: set[tuple[WatchedPlace, int]] = field(default_factory=set)
-    righted: float = 0.0
-    righted_since: int = 0
 
 
 class WatchBank:
@@ -127,7 +124,7 @@ class WatchBank:
         self._test(load, suspended)
         ended = [alert for alert in self.open if self._is_righted(alert, load)]
         for alert in ended:
-            self._close(alert)
+            self._forget(alert)
         raised = [self._raise(key, load.number) for key in self._alarms(suspended)]
         return [alert for alert in raised if alert is not None], ended
 
@@ -217,25 +214,30 @@ class WatchBank:
         return sum(c.nats for c in changes) - len(changes) / 2 if changes else -math.inf
 
     def _is_righted(self, alert: Alert, load: LoadValues) -> bool:
-        """CUSUM of the level before against the level after, over the components of the place."""
-        values = load.values.get(alert.place)
-        if values is None or not alert.changes:
+        """Whether those components of the place that the change shows in are as before; notes since which load."""
+        if alert.place not in load.values or not alert.changes:
             return False
-        nats = sum(
-            ((v - c.after) ** 2 - (v - c.before) ** 2) / (2 * c.std**2)
-            for v, c in zip(values, alert.changes, strict=True)
-        )
-        if alert.righted <= 0:
-            alert.righted, alert.righted_since = 0.0, load.number
-        alert.righted = max(0.0, alert.righted + max(-_MOST_A_LOAD, min(_MOST_A_LOAD, float(nats))))
-        return alert.righted >= _RIGHTED_NATS
+        most = max(c.nats for c in alert.changes)
+        pairs = zip(self._streams[alert.place], alert.changes, strict=True)
+        shown = [(s, c) for s, c in pairs if c.nats >= min(most, _NEAR_NATS)]
+        first = shown[0][0].first_after(alert.begin)
+        since = np.array([(np.array(s.values[first:]) - c.before) / c.std for s, c in shown]).T
+        found = righted_since(since, np.array([(c.after - c.before) / c.std for _, c in shown]))
+        if found is not None:
+            alert.ended = shown[0][0].loads[first + found]
+        return found is not None
 
-    def _close(self, alert: Alert) -> None:
-        """The loads of the change count no more, in any stream that no other alert holds."""
-        alert.ended = alert.righted_since
+    def _forget(self, alert: Alert) -> None:
+        """The loads of the change count no more at any place that it shows at and that no other alert holds."""
         self.open.remove(alert)
-        held = {key for other in self.open for key in other.watched}
+        held = {place for other in self.open for place, _ in other.watched}
+        watched = {place for place, _ in alert.watched}
         for place, streams in self._streams.items():
-            for i, stream in enumerate(streams):
-                if (place, i) not in held:
+            if place not in held and (place in watched or any(_shows(stream, alert) for stream in streams)):
+                for stream in streams:
                     stream.forget(alert.begin)
+
+
+def _shows(stream: _Stream, alert: Alert) -> bool:
+    begin, end = stream.first_after(alert.begin), stream.first_after(alert.ended or alert.begin)
+    return 0 < begin < end and change_point.at(stream.values[:end], begin).nats >= _NEAR_NATS
