@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -57,9 +58,23 @@ def test_commands_options_and_files_exist() -> None:
         mounted = [v.partition(":")[0] for v in service.get("volumes", ()) if not v.startswith(".")]
         assert set(mounted) <= set(COMPOSE["volumes"])
         assert set(service.get("secrets", ())) <= set(COMPOSE["secrets"])
-    for file in ("Dockerfile", "Dockerfile.dask"):
-        for line in re.findall(r"^COPY (.*) \S+$", (DEPLOY / file).read_text(), re.MULTILINE):
-            assert all((DEPLOY.parent / part).exists() for part in line.split())
+
+
+@pytest.mark.parametrize("file", ["Dockerfile", "Dockerfile.dask"])
+def test_an_image_copies_what_the_wheel_is_built_from(file: str) -> None:
+    lines = re.findall(r"^COPY (.*) \S+$", (DEPLOY / file).read_text(), re.MULTILINE)
+    copied = {part for line in lines for part in line.split()}
+    assert all((DEPLOY.parent / part).exists() for part in copied)
+    project = tomllib.loads((DEPLOY.parent / "pyproject.toml").read_text())
+    included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    needed = {
+        "pyproject.toml",
+        project["project"]["readme"],
+        *project["project"]["license-files"],
+        "station",
+        *included,
+    }
+    assert copied == needed
 
 
 def test_what_prepare_makes_fits_together_and_stays(prepared: Path) -> None:
