@@ -12,8 +12,8 @@ _RIGHTED_NATS, _MOST_A_LOAD = math.log(1000), 4.0
 _CLIP = 3.0
 #: Degrees of freedom of Student's t, as in change_point: one bad unit counts little.
 _FREEDOM = 5
-#: A return is looked for among so many of the newest loads.
-_NEWEST = 200
+#: A return is looked for at so many loads back: each of the newest, then each a tenth farther.
+_BACK = np.unique(np.r_[np.arange(1, 31), np.geomspace(30, 2000, 45).astype(int)])
 
 
 def righted_since(values: Floats, after: Floats) -> int | None:
@@ -27,12 +27,12 @@ def righted_since(values: Floats, after: Floats) -> int | None:
     clipped = np.clip(values, np.minimum(after, 0) - _CLIP, np.maximum(after, 0) + _CLIP)
     total = np.cumsum(clipped, axis=0)
     level = total[-1] / n
-    returns = np.arange(max(1, n - _NEWEST), n)
+    returns = n - _BACK[n > _BACK][::-1]
     if not len(returns):
         return None
     own = total[returns - 1] / returns[:, None]  # (r, m): the change's level without the loads since
     newest = values[returns[0] :]
-    since = np.triu(np.ones((len(returns), len(newest)), bool))
+    since = np.arange(returns[0], n) >= returns[:, None]
     as_before = _loss(newest)
     by_own = (_loss(newest[None] - own[:, None]) - as_before).sum(axis=2)
     by_all = (_loss(newest - level) - as_before).sum(axis=1)
