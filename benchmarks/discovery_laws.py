@@ -138,6 +138,27 @@ def _scramble(code: Array, rng: Any) -> Array:
     return rng.standard_normal(int(code.max()) + 1)[code]
 
 
+def _lagging(w: World, rng: Any) -> Array:
+    """What the temperature is ahead of something that follows it late, run by run of a unit."""
+    ahead, late = np.empty_like(w.T), rng.uniform(0.1, 0.3) * np.ptp(w.t)
+    for rows in (np.flatnonzero((w.unit == u) & (w.run == r)) for u in np.unique(w.unit) for r in np.unique(w.run)):
+        follows = w.T[rows[0]]
+        for before, now in zip(np.r_[rows[0], rows[:-1]], rows, strict=True):
+            follows += (w.T[now] - follows) * (1 - np.exp(-(w.t[now] - w.t[before]) / late))
+            ahead[now] = w.T[now] - follows
+    return ahead
+
+
+def _phase(w: World, rng: Any) -> Array:
+    """Two to six rounds in a run."""
+    return 2 * np.pi * rng.uniform(2, 6) / np.ptp(w.t) * w.t + rng.uniform(0, 6)
+
+
+def _off(w: World, rng: Any) -> Array:
+    """Distance from some temperature."""
+    return w.T - rng.uniform(20, 30)
+
+
 INEXPRESSIBLE: Mapping[str, Shape] = {
     "chirp": lambda w, rng, i, j: w.a[:, i] * np.sin(rng.uniform(8, 14) * (w.t / np.ptp(w.t)) ** 2 * np.pi),
     "three covariates": lambda w, rng, i, j: w.a[:, j] * (w.T - 26) * (w.motor - 0.4),
@@ -147,6 +168,34 @@ INEXPRESSIBLE: Mapping[str, Shape] = {
     "order and drive": lambda w, rng, i, j: (w.before - w.a)[:, i] * (w.motor - 0.5) * (2.0 * (w.visit % 2) - 1),
     "patches": lambda w, rng, i, j: np.sign(np.sin(7 * w.a[:, i] + 5 * w.a[:, j]) * np.sin(w.t / 7 + w.run)),
     "bursts": lambda w, rng, i, j: np.where(_scramble(w.visit + 24 * w.run + 72 * w.unit, rng) > 1.2, 1.0, 0.0),
+    "square wave": lambda w, rng, i, j: w.a[:, i] * np.sign(np.sin(_phase(w, rng))),
+    "rate squared": lambda w, rng, i, j: w.rate**2,
+    "two-tilt wave": lambda w, rng, i, j: np.sin(rng.uniform(3, 6) * w.a[:, i]) * np.sin(rng.uniform(3, 6) * w.a[:, j]),
+    "unit and run": lambda w, rng, i, j: _scramble(10 * w.unit + w.run, rng) * w.a[:, i] ** 2,
+    "backlash": lambda w, rng, i, j: np.sign((w.before - w.a)[:, i]) * w.a[:, j],
+    "motor threshold": lambda w, rng, i, j: (w.motor > rng.uniform(0.4, 0.7)) * w.a[:, j],
+    "exponential": lambda w, rng, i, j: np.exp(rng.uniform(2, 4) * w.a[:, i]) * _off(w, rng),
+    "line in temperature": lambda w, rng, i, j: (
+        w.a[:, j] / (1 + ((w.T - np.quantile(w.T, rng.uniform(0.2, 0.8))) / (0.12 * np.ptp(w.T))) ** 2)
+    ),
+    "triangle": lambda w, rng, i, j: np.abs(_phase(w, rng) / (2 * np.pi) % 1 - 0.5) * w.a[:, j],
+    "time and temperature": lambda w, rng, i, j: w.t * _off(w, rng),
+    "temperature and motor": lambda w, rng, i, j: _off(w, rng) * w.motor,
+    "root of size": lambda w, rng, i, j: np.sqrt(np.abs(w.a[:, j])) * _off(w, rng),
+    "damped wave": lambda w, rng, i, j: np.exp(-w.t / np.ptp(w.t) * rng.uniform(2, 5)) * np.sin(_phase(w, rng)),
+    "modulated wave": lambda w, rng, i, j: (1 + w.a[:, j]) * np.sin(_phase(w, rng)) * (w.T - 25),
+    "lagging temperature": lambda w, rng, i, j: _lagging(w, rng) * w.a[:, i],
+    "staircase": lambda w, rng, i, j: _scramble((5.99 * (w.T - w.T.min()) / np.ptp(w.T)).astype(int), rng),
+    "bump": lambda w, rng, i, j: np.exp(-0.5 * ((w.t / np.ptp(w.t) - rng.uniform(0.2, 0.8)) / 0.07) ** 2) * w.a[:, j],
+    "ratio": lambda w, rng, i, j: w.a[:, i] / (1.15 + w.a[:, j]) * w.motor,
+    "larger of two": lambda w, rng, i, j: np.maximum(w.a[:, i], w.a[:, j]) * _off(w, rng),
+    "difference": lambda w, rng, i, j: np.abs(w.a[:, i] - rng.uniform(0.6, 1.6) * w.a[:, j]),
+    "switch": lambda w, rng, i, j: np.sign(w.a[:, i] - rng.uniform(-0.3, 0.3)) * w.motor,
+    "position and temperature": lambda w, rng, i, j: _scramble(w.position, rng) * _off(w, rng),
+    "logarithm": lambda w, rng, i, j: np.log(w.T - w.T.min() + 0.5) * w.a[:, j],
+    "product of three": lambda w, rng, i, j: w.a[:, i] * w.a[:, j] ** 2 * np.abs(w.a[:, 3 - i - j]) * _off(w, rng),
+    "size of each visit": lambda w, rng, i, j: _scramble(w.visit + 24 * w.run, rng) * w.a[:, j],
+    "move and motor": lambda w, rng, i, j: np.abs((w.before - w.a)[:, j]) * w.motor**2,
 }
 
 
