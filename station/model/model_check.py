@@ -19,7 +19,7 @@ from station.model.model_file import EFFECTS, Model, ModelEffect, ModelParameter
 Mistake = tuple[tuple[str | int, ...], Message]
 
 #: No coefficient is larger in any unit, and no parameter of a form further from its usual range, as a factor.
-MOST_SIZE, FORM_FACTOR = 1e9, 1e3
+MOST_SIZE, FORM_FACTOR = 1e6, 1e3
 #: Who may share a coefficient, as `Scene.group` has it.
 LEVELS = (
     "common", "unit", "run", "power-on", "visit", "run-of-recipe", "nest", "position", "station", "lot", "operator",

@@ -48,7 +48,7 @@ def load(text: str, folder: Path, unit: str | None = "g") -> Model:
         ("common, value: 0.001", "galaxy, value: 0.001", "effects.0.parameters.0.of", "not shared by 'galaxy'"),
         ("value: 0.001", "value: .nan", "effects.0.parameters.0.value", "coefficient is nan; write a number from"),
         ("value: 0.001", "value: -.inf", "effects.0.parameters.0.value", "coefficient is -inf"),
-        ("value: 0.001", "value: 1e300", "effects.0.parameters.0.value", "coefficient is 1e+300"),
+        ("value: 0.001", "value: 1e7", "effects.0.parameters.0.value", "coefficient is 1e+07"),
         ("value: 0.001", "value: much", "effects.0.parameters.0.value", "'much' of cross-axis is not a number"),
         ("value: 0.001", "value: [1, 2]", "effects.0.parameters.0.value", "must be a number, not [1, 2]"),
         ("value: 0.001", "value: true", "effects.0.parameters.0.value", "must be a number, not true"),
