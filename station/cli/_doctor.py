@@ -15,6 +15,7 @@ from station.config.settings import Settings, load_settings
 from station.domain.product.map_check import mismatches
 from station.domain.records.stored_attempt import is_simulated
 from station.errors import BusFault, ConfigError, ReferenceOverdue, StationError, StationFault, StoreFault, UsageError
+from station.files.real_path import real_path
 from station.messages import Message, render
 from station.ports.log_reader import Query
 from station.service import golden_register
@@ -138,7 +139,7 @@ def _traffic(station: DoctorContext) -> Message:
 
 
 def _rights(station: DoctorContext) -> Message:
-    folder = station.database.resolve().parent
+    folder = real_path(station.database).parent
     if not folder.is_dir():
         raise StoreFault("doctor-no-folder", folder=str(folder))
     paths = [folder, *(p for p in (station.database,) if p.exists())]
@@ -163,7 +164,7 @@ def _clock(station: DoctorContext) -> Message:
 
 
 def _disk(station: DoctorContext) -> Message:
-    folder = station.database.resolve().parent
+    folder = real_path(station.database).parent
     if not folder.is_dir():
         raise StoreFault("doctor-no-folder", folder=str(folder))
     free = shutil.disk_usage(folder).free

@@ -14,6 +14,7 @@ from typing import Any
 
 from station.domain.records.chain import IntegrityFinding
 from station.errors import UsageError
+from station.files.real_path import real_path
 from station.messages import Message
 from station.panel_protocol import accounts
 from station.panel_protocol.accounts import Account, Role
@@ -167,12 +168,12 @@ def account_findings(log: LogReader, database: Path) -> tuple[AccountsSeal | Non
 
 def _seal(store: Store, database: Path, file: Path, rows: Mapping[str, tuple[str, str]], by: str) -> None:
     people = [{"name": name, "role": role, "sha256": hash_} for name, (role, hash_) in rows.items()]
-    folder, real = database.resolve().parent, file.resolve()
+    folder, real = real_path(database).parent, real_path(file)
     shown = real.name if real.parent == folder else str(real)  # a log that is moved takes the file along
     store.event("", SEALED_EVENT, {"file": shown, "by": by, "people": people})
 
 
 def _parse(number: int, detail: Mapping[str, Any], database: Path) -> AccountsSeal:
     people = detail["people"]
-    file = database.resolve().parent / str(detail["file"])
+    file = real_path(database).parent / str(detail["file"])
     return AccountsSeal(number, file, {p["name"]: p["role"] for p in people}, {p["name"]: p["sha256"] for p in people})

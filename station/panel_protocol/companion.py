@@ -4,6 +4,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from station.errors import StoreFault
+from station.files.real_path import real_path
 from station.messages import Message
 
 
@@ -32,7 +33,7 @@ class Companion(StrEnum):
 def companion_file(database: Path, ending: Companion) -> Path:
     """That file of this log, by whatever link the log is reached. Errors: StoreFault where the path has no name, as `/`
     has none."""
-    real = database.resolve()
+    real = real_path(database)
     if not real.name:
         raise StoreFault("log-not-opened", path=str(database), reason=Message("log-is-folder"))
     return real.with_name(real.name + ending.value)

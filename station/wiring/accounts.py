@@ -4,6 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from station.config.settings import Settings
+from station.files.real_path import real_path
 from station.panel_protocol.account_seal import AccountChange, AccountsSeal, apply_change, seal_in_log, write_change
 from station.wiring.logs import find_log
 from station.wiring.sealing import seal_now
@@ -29,7 +30,7 @@ def change_account(database: Path, settings: Settings, file: Path, change: Accou
     if not sealing or not database.exists():
         write_change(file, change)
         return bool(sealing)
-    document = {"file": str(file.resolve()), **change.document()}
+    document = {"file": str(real_path(file)), **change.document()}
     write = partial(apply_change, database=database, file=file, change=change)
     seal_now(database, settings, write, "account", document)
     return True

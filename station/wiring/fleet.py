@@ -11,6 +11,7 @@ from typing import Any
 from station.adapters.fleet.results import ParquetResults
 from station.adapters.samples.fleet_reading import FleetTables
 from station.files.code_version import code_version
+from station.files.real_path import real_path
 from station.ports.fleet import ColumnType, PortionEngine, UnitSource
 from station.service.fleet import FleetJob, FleetPlan, InProcess, OpenSource
 from station.wiring.logs import open_log, plant_address
@@ -26,7 +27,7 @@ def open_source(path: Path) -> UnitSource:
 
 def openers(paths: Sequence[Path]) -> list[OpenSource]:
     """What each portion opens its source by, in whatever process: files by their full paths."""
-    return [partial(open_source, path if plant_address(path) else path.resolve()) for path in paths]
+    return [partial(open_source, path if plant_address(path) else real_path(path)) for path in paths]
 
 
 def open_engine(

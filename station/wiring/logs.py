@@ -17,6 +17,7 @@ from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
 from station.errors import ConfigError, LogError, StoreFault
+from station.files.real_path import real_path
 from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
 from station.service.witness import Witness
@@ -37,7 +38,7 @@ def find_log(path: Path) -> LogReader | None:
 def check_is_log(path: Path) -> None:
     """LogError where there is a file that is no log; one of an older version, or an empty one, will do."""
     try:
-        log = find_log(path)
+        log = find_log(real_path(path))
     except LogError as exc:
         reason = exc.message.parameters.get("reason")
         if exc.message.id == "log-other-database" or (isinstance(reason, Message) and reason.id == "log-no-database"):

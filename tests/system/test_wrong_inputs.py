@@ -66,6 +66,10 @@ rehearsal: {device_state: devices}
         "check --product product.yaml",
         "check recipe.yaml",
         "panel --simulate --db readings.csv --port 0",
+        "audit --db loop.db",
+        "run --simulate --units 1 --db loop.db",
+        "panel --simulate --port 0 --db loop.db",
+        "stop --db loop.db",
         "watch --db typo.yaml",
         "audit --db .",
         "audit --verify --key nowhere.pem",
@@ -90,6 +94,7 @@ def test_what_a_newcomer_types(line: str, here: Path) -> None:
     Path("recipe.yaml").write_text(
         (shipped / "recipes/six-point.yaml").read_text().replace("product: accelerometer", "product: 0b1")
     )
+    Path("loop.db").symlink_to("loop.db")
     words, before = shlex.split(line), set(here.iterdir())
     named = next((word for word in words if word in ("product.yaml", "recipe.yaml")), "")
     assert complaint(WrongInput("line", tuple(words), named)) is None

@@ -19,6 +19,7 @@ from station.domain.records.head import AnchorFinding, LogEnd, SealedHead
 from station.domain.records.merkle import Tree
 from station.domain.records.tree_head import WitnessReceipt
 from station.files.ordinary import open_ordinary, read_ordinary
+from station.files.real_path import real_path
 
 #: How the place beside the log is called; every other place may lag by any number of loads.
 HEAD_FILE = "head file"
@@ -185,7 +186,7 @@ def folders_of_one_fate(log: Path, anchors: Sequence[AnchorFolder]) -> tuple[str
     Whoever restores that folder restores every head in it.
     """
     known = dict[tuple[int, int], str]()
-    for folder in (log.resolve().parent, *(anchor.folder for anchor in anchors)):
+    for folder in (real_path(log).parent, *(anchor.folder for anchor in anchors)):
         try:
             found = folder.stat()
         except OSError:

@@ -17,6 +17,7 @@ from station.domain.records.chain import SCHEMA, genesis
 from station.errors import LogError, StationError, StoreFault
 from station.files.lock import take
 from station.files.ordinary import is_alone, open_ordinary
+from station.files.real_path import real_path
 from station.messages import Message
 
 #: Pages of write-ahead log that are kept on disk after a checkpoint; a long-reading page may not let it grow for ever.
@@ -44,7 +45,7 @@ def open_for_writing(path: Path, busy_s: float) -> sqlite3.Connection:
             raise StoreFault("log-not-opened", path=str(path), reason=what)
         check_companions(path, StoreFault)
         if not path.exists() or not path.stat().st_size:
-            _make(path.resolve())
+            _make(real_path(path))
         connection = sqlite3.connect(path, timeout=busy_s, isolation_level=None, check_same_thread=False)
     try:
         with translate_errors(StoreFault, path, "opened"):
@@ -161,7 +162,7 @@ def open_for_reading(path: Path) -> Database:
             raise IsADirectoryError(errno.EISDIR, "", str(path))
         if not path.is_file():
             raise LogError("log-missing", path=str(path))
-        check_companions(path.resolve(), LogError)
+        check_companions(real_path(path), LogError)
         connection = sqlite3.connect(_uri(path), uri=True, isolation_level=None, check_same_thread=False)
     try:
         with translate_errors(LogError, path, "read"):
@@ -207,7 +208,7 @@ def _uri(path: Path) -> str:
     """Read-only; on a medium that cannot be written, where SQLite could not make its index of the WAL, immutable."""
     alone = not path.with_name(path.name + "-wal").exists()
     still = alone and not os.access(path.parent, os.W_OK, effective_ids=True)
-    return f"{path.resolve().as_uri()}?mode=ro{'&immutable=1' if still else ''}"
+    return f"{real_path(path).as_uri()}?mode=ro{'&immutable=1' if still else ''}"
 
 
 def check_schema(db: Database, tables: set[str], path: Path, kind: type[StationError]) -> None:

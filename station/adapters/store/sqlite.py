@@ -37,6 +37,7 @@ from station.domain.records.merkle import Tree
 from station.domain.records.tree_head import WITNESSED_EVENT
 from station.errors import StationError, StoreFault
 from station.files.owner import OwnerLock
+from station.files.real_path import real_path
 from station.files.system_errors import os_error_reason
 from station.messages import Message, render
 from station.ports.store import (
@@ -73,7 +74,7 @@ class SqliteStore:
         *,
         brief: bool = False,
     ) -> None:
-        self.path = path = path.resolve()  # one log, one owner, by whatever link it is reached
+        self.path = path = real_path(path)  # one log, one owner, by whatever link it is reached
         self._epoch_ns, self._signer = epoch_ns, signer
         self._open: dict[str, int] = {}
         with ExitStack() as opened, translate_errors(StoreFault, path, "opened"):
