@@ -5,6 +5,8 @@ gaps, whose spectrum is so much finer than a dwell's as the campaign is longer, 
 line of it. Where the campaign is longer than one transform, stretches of it add up in power.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -33,18 +35,18 @@ class MatchedSpectrum:
         points = int((end_s - origin_s) / self.step_s) + 1
         self.stretches = -(-points // MAX_POINTS)
         self.points = scipy.fft.next_fast_len(-(-points // self.stretches), real=True)
-        self.record = np.zeros((self.stretches, 3, self.points), np.float32)
-        self.weight = np.zeros(self.stretches)
+        self._places: list[NDArray[np.int64]] = []
+        self._values: list[NDArray[np.float32]] = []
+        self._weight = np.zeros(self.stretches)
 
     def add(self, white: Floats, time_s: Floats, motor: Floats, live: NDArray[np.bool_]) -> None:
         """White samples (v, s, 3) at times (v, s), of which some are live (v, s), in dwells of a drive (v)."""
         weight = np.broadcast_to(motor[:, None], live.shape)[live]
         place = np.round((time_s[live] - self.origin_s) / self.step_s).astype(np.int64)
         place = np.clip(place, 0, self.stretches * self.points - 1)
-        for axis in range(3):
-            added = np.bincount(place, weight * white[..., axis][live], self.stretches * self.points)
-            self.record[:, axis] += added.reshape(self.stretches, self.points).astype(np.float32)
-        self.weight += np.bincount(place // self.points, weight**2, self.stretches)
+        self._places.append(place)
+        self._values.append((weight[:, None] * white[live]).astype(np.float32))
+        self._weight += np.bincount(place // self.points, weight**2, self.stretches)
 
     @property
     def resolution_hz(self) -> float:
@@ -54,11 +56,11 @@ class MatchedSpectrum:
     def lines(self) -> tuple[Floats, float] | None:
         """Frequencies, Hz, of the strongest lines, among which a tone is, and by how many nats it is beyond chance;
         None where none is."""
-        used = self.weight > 0
+        used = self._weight > 0
         if not used.any():
             return None
         power = np.zeros(self.points // 2 + 1)
-        for record, weight in zip(self.record[used], self.weight[used], strict=True):
+        for record, weight in zip(self._records(used), self._weight[used], strict=True):
             power += np.sum(np.abs(scipy.fft.rfft(record)) ** 2, axis=0) / weight
         frequency = np.arange(len(power)) * self.resolution_hz
         band = (frequency > self.lowest_hz) & (frequency < 0.5 * self.rate_hz)
@@ -75,6 +77,17 @@ class MatchedSpectrum:
             return None
         strongest = np.asarray(frequency[band][np.argsort(level)[-NEAR_LINES:]], float)
         return strongest, float(level[best] - usual - np.log(tried))
+
+    def _records(self, used: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
+        """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
+        place, values = np.concatenate(self._places), np.concatenate(self._values)
+        stretch = place // self.points
+        order = np.argsort(stretch, kind="stable")
+        ends = np.searchsorted(stretch[order], np.arange(self.stretches + 1))
+        for first, last in zip(ends[:-1][used], ends[1:][used], strict=True):
+            mine = order[first:last]
+            here = place[mine] % self.points
+            yield np.stack([np.bincount(here, values[mine, axis], self.points) for axis in range(3)]).astype(np.float32)
 
 
 def _block_medians(values: Floats, blocks: int) -> Floats:
