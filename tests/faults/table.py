@@ -260,6 +260,7 @@ _STREAM = _rows(
     ("cable out during the tumble", "device stream-stops:after_s=6", ERROR, "No readings at 'x-up'"),
     ("cable out during verification", "device stream-stops:after_s=22", ERROR, "No readings at 'verify-x'", NEW),
     ("frame counter stuck", "device counter-stuck", FAIL, "the frame counter is stuck"),
+    ("its status says that its self-test failed", "device status:value=1", FAIL, "status says 'self-test failed' in"),
     ("a fifth of the CRCs wrong", "device crc-errors:fraction=0.2", FAIL, "frames with a wrong CRC"),
     ("a fifth of the frames lost", "device frames-lost:fraction=0.2", FAIL, "frames lost at"),
     ("a fifth of the frames repeated", "device frames-repeated:fraction=0.2", FAIL, "frames repeated"),

@@ -40,6 +40,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
         " `seconds` after the last start; `times` of them, a millisecond apart",
         "spontaneous-reset": "resets itself at `after_s`",
         "counter-stuck": "the frame counter stands still",
+        "status": "the status of its readings has the bits of `value` set as well",
         "crc-errors": "a `fraction` of the frames has a wrong CRC",
         "frames-lost": "a `fraction` of the frames is not sent",
         "frames-repeated": "a `fraction` of the frames is sent twice",

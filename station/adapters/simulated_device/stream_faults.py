@@ -70,6 +70,8 @@ class StreamFaults:
         """Frames of the readings, counted from `count` on unless the counter is stuck."""
         stuck = self.active("counter-stuck", float(times_s[-1])) is not None
         first, step = (0, 0) if stuck else (count, 1)
+        if fault := self.active("status", float(times_s[-1])):
+            status = status | int(fault.value)
         layout, node = self._layout, self._node
         return encode.sample_frames(
             layout, node, time_ns, readings, first_count=first, count_step=step, status=status,

@@ -32,7 +32,7 @@ def check(visit: Visit, true: Floats, recipe: Recipe, layout: SensorLayout) -> t
 
     true (3): the stimulus in the recipe's unit, NaN where the pose is unknown.
     """
-    found = [*_transport(visit, recipe)]
+    found = [*_transport(visit, recipe), *_alarms(visit, layout)]
     xyz = visit.readings
     if len(xyz) >= 2:
         found += [*_axes(visit, xyz, recipe, layout), *_rest(visit, xyz, recipe), *_face(visit, xyz, true, recipe)]
@@ -109,6 +109,17 @@ def _held_back(d: Visit, recipe: Recipe) -> float:
     pauses_ns = np.diff(time_ns, prepend=d.from_ns, append=d.to_ns)
     longest_s = float(pauses_ns.max()) / 1e9 - 1 / recipe.device.rate_hz
     return max(longest_s, 0.0) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
+
+
+def _alarms(d: Visit, layout: SensorLayout) -> Iterator[Reason]:
+    """What the unit says against itself in the status of its readings."""
+    if d.samples.status is None:
+        return
+    status = d.samples.status[d.samples.usable]
+    for name, bits in layout.map.alarms.items():
+        if count := int(np.count_nonzero(status & np.asarray(bits, status.dtype))):
+            message = Message("visit-alarm", position=d.position, alarm=name, count=count, readings=len(status))
+            yield Reason(message, count, 0, check="alarm")
 
 
 def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:
