@@ -186,6 +186,12 @@ def counter_stuck(rig: DeviceRig) -> None:
     assert got(rig).frame_errors.counter.stuck
 
 
+def status(rig: DeviceRig) -> None:
+    shown = got(rig).status
+    assert shown is not None
+    assert np.all(shown & 1)
+
+
 def crc_errors(rig: DeviceRig) -> None:
     found = got(rig)
     # 2,000 trials at 5 %: mean 100, standard deviation 9.7; five of those.
@@ -316,6 +322,7 @@ CASES: dict[str, Check] = {
     "emergency:code=0x8120,after_s=3": emergency_at,
     "spontaneous-reset:after_s=3": spontaneous_reset,
     "counter-stuck": counter_stuck,
+    "status:value=1": status,
     "crc-errors:fraction=0.05": crc_errors,
     "frames-lost:fraction=0.05": frames_lost,
     "frames-repeated:fraction=0.05": frames_repeated,

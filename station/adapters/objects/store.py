@@ -53,6 +53,7 @@ class FolderObjects:
         try:
             if not _holds(path, data):
                 path.parent.mkdir(parents=True, exist_ok=True)
+                path.unlink(missing_ok=True)  # a device, a pipe or a database, too, which no report may replace
                 with replacing(path, durable=True) as part:
                     part.write_bytes(data)
         except OSError as error:

@@ -40,6 +40,8 @@ def load_signer(path: Path, passphrase: bytes | None = None) -> Signer:
         encrypted = b"ENCRYPTED" in data
         key = load_pem_private_key(data, passphrase if encrypted else None)
     except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as exc:
+        if isinstance(exc, FileNotFoundError):
+            raise ConfigError("station-key-missing", path=str(path)) from exc
         if isinstance(exc, OSError):
             raise ConfigError("file-unreadable", file=str(path), why=system_reason(exc)) from exc
         if not encrypted:
