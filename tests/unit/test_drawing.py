@@ -22,7 +22,7 @@ def test_a_figure_holds_every_point_and_its_words() -> None:
         "Residual", "position", "mg", (Series([0, 1, 2], [1.0, -2.0, 3.0], "measured"),), x_names=("a", "b", "c")
     )
     root = ET.fromstring(svg(f))
-    assert len(root.findall(f"{NS}circle")) == 3
+    assert len(root.findall(f"{NS}circle")) == 3 + 1  # the legend shows the mark, too
     words = [t.text for t in root.iter(f"{NS}text")]
     assert {"Residual", "position", "mg", "measured", "a", "b", "c"} <= set(words)
     assert root.find(f"{NS}title") is not None

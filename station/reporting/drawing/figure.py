@@ -229,8 +229,8 @@ def _legend(figure: Figure) -> list[str]:
         for s in reversed(row):
             at -= text_width(s.name) + 22
             colour = COLOURS[s.colour % len(COLOURS)]
-            shown = s.kind == "dots" and s.mark != "circle"
-            parts.append(mark(s.mark, at + 5, 16 + down, colour) if shown else _rect(at, 11 + down, 10, 10, colour))
+            size, dot = 1.6 if s.mark == "circle" else 1.0, s.kind == "dots"
+            parts.append(mark(s.mark, at + 5, 16 + down, colour, size) if dot else _rect(at, 11 + down, 10, 10, colour))
             parts.append(svg_text(at + 14, 20 + down, s.name))
         down += 20
     return parts
