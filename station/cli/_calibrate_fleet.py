@@ -1,6 +1,8 @@
 """The work of `station calibrate --db`: a fleet's stored units, in portions."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ from station.config.recipes import load_recipe, recipe_hash
 from station.domain.core.types import Outcome
 from station.domain.planning import design
 from station.errors import InputError, UsageError
-from station.files.replace import replace_text
+from station.files.replace import check_replaceable, replace_text
 from station.messages import Message, system_reason
 from station.ports.log_reader import Query
 from station.service import fleet_calibration
@@ -25,6 +27,7 @@ def calibrate_fleet(recipe_name: str, of: str | None, fleet: FleetRequest, json_
     """Calibrates and tells; the exit code. of: the name of the recipe that they were made with.
 
     Errors: InputError, StoreFault, StationFault."""
+    check_document_place(json_path)
     recipe = load_recipe(recipe_name)
     design.check(recipe)
     query = Query(recipe_name=of or recipe.name)
@@ -47,6 +50,13 @@ def calibrate_fleet(recipe_name: str, of: str | None, fleet: FleetRequest, json_
     return _EXIT_CODES[Outcome(found.exit_outcome())]
 
 
+def check_document_place(path: Path | None) -> None:
+    """Before a fleet is computed: whether its document can be written there. Errors: UsageError."""
+    if path is not None and str(path) != "-":
+        with _refusal_of(path):
+            check_replaceable(path)
+
+
 def write_document(path: Path | None, document: dict[str, Any]) -> None:
     """To a file, or to standard output for -. Errors: UsageError."""
     if path is None:
@@ -54,8 +64,14 @@ def write_document(path: Path | None, document: dict[str, Any]) -> None:
     if str(path) == "-":
         _output.print_json(document)
         return
-    try:
+    with _refusal_of(path):
         replace_text(path, json.dumps(document, ensure_ascii=False))
+
+
+@contextmanager
+def _refusal_of(path: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as exc:
         raise UsageError("option-not-written", option="--json", path=str(path), why=system_reason(exc)) from exc
 

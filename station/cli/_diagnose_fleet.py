@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from station.cli import _output
-from station.cli._calibrate_fleet import write_document
+from station.cli._calibrate_fleet import check_document_place, write_document
 from station.cli._fleet import FleetRequest, computed, describe_sources, recipes_in_use
 from station.cli._log_options import parse_time_ns
 from station.config.recipes import load_recipe, recipe_hash
@@ -27,6 +27,7 @@ def diagnose_fleet(recipe_name: str, since: str | None, fleet: FleetRequest, jso
 
     Errors: InputError, StoreFault, StationFault.
     """
+    check_document_place(json_path)
     recipe = load_recipe(recipe_name)
     query = Query(recipe_name=recipe.name, since_ns=parse_time_ns(since, "--since"))
     used = {json.dumps(json.loads(text), sort_keys=True) for text in recipes_in_use(fleet.sources, query)}

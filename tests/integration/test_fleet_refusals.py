@@ -64,3 +64,15 @@ def test_tables_of_another_schema_are_refused_whatever_asks(tables: Path, capsys
         refused = station(capsys, *command, "--recipe", "six-point", "--db", tables, code=2)
         assert "has schema 'station.fleet/9'; this version reads" in refused
         assert "station export --parquet" in refused
+
+
+@pytest.mark.parametrize("words", [("calibrate",), ("diagnose", "--shared")])
+def test_a_document_that_cannot_be_written_is_refused_before_the_fleet_is_computed(
+    words: tuple[str, ...], tables: Path, tmp_path: Path, capsys: Out
+) -> None:
+    kept, nowhere = tmp_path / "kept", tmp_path / "nowhere" / "found.json"
+    said = station(
+        capsys, *words, "--recipe", "six-point", "--db", tables, "--results", kept, "--json", nowhere, code=2
+    )
+    assert "--json" in said
+    assert not kept.exists()
