@@ -253,6 +253,20 @@ def test_a_unit_near_one_g_in_any_place_is_in_g(
     check(understood(capsys, str(path)), raw_unit="g", visits=150)
 
 
+def test_a_unit_that_changes_on_the_way_is_refused_with_its_row(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Half of it would never be at rest beside the other half, and be left out."""
+    one = tumble(rng)
+    path = tmp_path / "two.csv"
+    np.savetxt(path, np.r_[one, one * 1000], delimiter=",")
+    assert station("import", path, "--rate", "100", "--out", tmp_path / "out.parquet") == 2
+    said = capsys.readouterr().err
+    assert "are 1000 times as large, as in another unit" in said
+    row = int(said.split("row ")[1].split()[0])
+    assert abs(row - len(one)) <= len(one) / 20
+
+
 def test_readings_that_no_sensor_made_are_left_out_and_missing_ones_change_no_rate(
     rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
-from station.domain.recognition import clock, columns, quantities, visits
+from station.domain.recognition import clock, columns, quantities, unit_change, visits
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
 from station.domain.recognition.quantities import QUANTITIES, Quantity, UnitScale
@@ -60,6 +60,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
     raw, usable = raw[ticks.order], keep[ticks.order]
+    unit_change.check(table.source, raw, quantity)
     edges, names, declared = _declared(table, roles, options, usable, raw)
     if declared == "shown-blocks" and ticks.unit != "none":
         edges, names, declared = None, None, None
