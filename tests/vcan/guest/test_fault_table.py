@@ -50,18 +50,28 @@ def test_at_least_twenty_rows_run_here() -> None:
 
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.inject)
 def test_the_same_outcome_and_sentence_on_a_kernel_bus(row: Row, vcan: Interface, tmp_path: Path) -> None:
-    faults = (row.inject.removeprefix("device "),)
-    # A machine that is busy may starve a dwell; where the fault is not in the readings, it is taken again.
-    repeats = 0 if row.outcome == "FAIL" else 2
-    with (
-        fixture.Served(vcan, (NODE,), (SERIAL,), faults=faults, flash_s=0.05) as served,
-        fixture.opened(tmp_path, vcan, (NODE,), recipe={"visit_repeats": repeats}) as bench,
-    ):
-        ran = fixture.run(bench, (SERIAL,), served.turn)
-    r = ran.results[SERIAL]
+    for turn in range(3):
+        folder = tmp_path / str(turn)
+        folder.mkdir()
+        ran = _run(row, vcan, folder)
+        r = ran.results[SERIAL]
+        # A machine that is busy may starve a dwell; the unit's fault is then the station's, and it is run again.
+        if (row.outcome, str(r.outcome)) != ("FAIL", "ERROR"):
+            break
     assert str(r.outcome) == row.outcome, r.reasons
     assert row.says in r.reasons[0].sentence
     assert exit_code(list(ran.results.values()), ran.fault) == row.code
-    (attempt,) = fixture.life(tmp_path, SERIAL)
+    (attempt,) = fixture.life(folder, SERIAL)
     assert attempt["outcome"] == row.outcome
     assert not attempt["writes"]
+
+
+def _run(row: Row, vcan: Interface, folder: Path) -> fixture.Ran:
+    faults = (row.inject.removeprefix("device "),)
+    # Where the fault is not in the readings, a starved dwell is taken again.
+    repeats = 0 if row.outcome == "FAIL" else 2
+    with (
+        fixture.Served(vcan, (NODE,), (SERIAL,), faults=faults, flash_s=0.05) as served,
+        fixture.opened(folder, vcan, (NODE,), recipe={"visit_repeats": repeats}) as bench,
+    ):
+        return fixture.run(bench, (SERIAL,), served.turn)
