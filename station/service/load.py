@@ -272,9 +272,7 @@ class Load:
             yield Notice(warning, unit.seat.serial)
         prior = None if self._capture is None else self._capture.pace.prior
         fit = compute.calibrate(unit, self._job, self._station, prior)
-        unit.fit = replace(
-            fit, dwells=None
-        )  # the log keeps the readings; a long batch must not keep them in memory too
+        unit.fit = replace(fit, dwells=None)  # the log keeps the readings: a long batch must not, in memory
         if fit.visits is not None:  # what `station backtest` computes from: raw frames of a whole fleet take hours
             self._station.store.result(unit.attempt, "stops", reduced_visits_document.to_document(fit.visits))
         if self._history != NOTHING:
