@@ -75,7 +75,7 @@ def test_identifiers_that_do_not_fit_are_refused() -> None:
         ({"temperature": {"message": "TEMPERATURE", "signal": "T"}}, "TEMPERATURE has no signal T; its signals are"),
         ({"temperature": {"message": "T", "signal": "T"}}, "no message T"),
         ({"sample": {**BLOCK["sample"], "counter": "X"}}, "counter X must be an unsigned integer"),
-        ({"alarms": {"hot": 0x10}}, "alarm 'hot' has the bits 0x10, which the 4 bits of STATUS cannot show"),
+        ({"bad_status": {"hot": 0x10}}, "bad_status 'hot' has the bits 0x10, which the 4 bits of STATUS cannot show"),
         ({"e2e": None, "counter_values": 17}, "counter COUNTER has 4 bits and cannot take 17 values"),
         ({"sample": {**BLOCK["sample"], "crc": "STATUS"}}, "CRC STATUS must be one whole byte for profile P01"),
     ],
@@ -90,7 +90,7 @@ def test_what_the_dbc_lacks_is_named(change: dict[str, Any], sentence: str) -> N
     [
         ({"sample": {**BARE["sample"]}}, "e2e needs a CRC and a counter"),  # type: ignore[dict-item]
         ({"e2e": None, "sample": {**BARE["sample"]}}, "counter_values needs sample.counter"),  # type: ignore[dict-item]
-        ({"e2e": None, "counter_values": None, **BARE, "alarms": {"hot": 1}}, "alarms needs sample.status"),
+        ({"e2e": None, "counter_values": None, **BARE, "bad_status": {"hot": 1}}, "bad_status needs sample.status"),
         ({"counter_values": 16}, "profile P01 fixes counter_values at 15"),
         ({"node_of_dbc": 0}, "greater than or equal to 1"),
         ({"e2e": None, "sample": {"message": "A", "x": "X", "z": "Z"}}, "z is named but y is not"),

@@ -113,7 +113,7 @@ class FrameMap(StrictModel):
     takes before it starts again at 0; left out: the profile's number, or all that its bits can hold. join: how a
     reading that comes in several messages is put together. sample_period_s: between the readings of one frame, where
     there are several; left out: the frames' period by their number. unit: of the readings, where the DBC says none or
-    another. alarms: what the unit must not say of itself, and the bits of sample.status that say so.
+    another. bad_status: what the unit must not say of itself, and the bits of sample.status that say so.
     """
 
     dbc: Name
@@ -125,12 +125,12 @@ class FrameMap(StrictModel):
     join: JoinRule | None = None
     sample_period_s: Positive | None = None
     unit: str | None = None
-    alarms: dict[Name, Annotated[int, Field(ge=1, lt=1 << 64)]] = Field(default_factory=dict)
+    bad_status: dict[Name, Annotated[int, Field(ge=1, lt=1 << 64)]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _hangs_together(self) -> Self:
-        if self.alarms and self.sample.status is None:
-            raise InvalidValue("alarms-without-status")
+        if self.bad_status and self.sample.status is None:
+            raise InvalidValue("bad-status-without-status")
         if self.e2e is not None and (self.sample.crc is None or self.sample.counter is None):
             raise InvalidValue("e2e-needs-signals")
         if self.counter_values is not None and self.sample.counter is None:
@@ -319,7 +319,7 @@ def resolve(roles: FrameMap, layouts: Mapping[str, FrameLayout]) -> SensorLayout
         raise ProductError("frame-map-names", dbc=roles.dbc, reason=error.message) from None
     layout = replace(layout, temperature=temperature)
     _check_counter(layout)
-    _check_alarms(layout)
+    _check_bad_status(layout)
     _check_crc(layout)
     _check_join(layout)
     return layout
@@ -342,12 +342,12 @@ def _check_counter(layout: SensorLayout) -> None:
         raise ProductError("counter-too-short", bits=counter.length, values=layout.frame_counter_values, **where)
 
 
-def _check_alarms(layout: SensorLayout) -> None:
-    for name, bits in layout.map.alarms.items():
+def _check_bad_status(layout: SensorLayout) -> None:
+    for name, bits in layout.map.bad_status.items():
         status = layout.sample.signal(layout.map.sample.status or "")
         if status.is_float or bits >> status.length:
             where = {"dbc": layout.map.dbc, "status": status.name}
-            raise ProductError("alarm-beyond-status", alarm=name, bits=f"0x{bits:X}", length=status.length, **where)
+            raise ProductError("bad-status-beyond-status", name=name, bits=f"0x{bits:X}", length=status.length, **where)
 
 
 def _check_crc(layout: SensorLayout) -> None:

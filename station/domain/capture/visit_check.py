@@ -32,7 +32,7 @@ def check(visit: Visit, true: Floats, recipe: Recipe, layout: SensorLayout) -> t
 
     true (3): the stimulus in the recipe's unit, NaN where the pose is unknown.
     """
-    found = [*_transport(visit, recipe), *_alarms(visit, layout)]
+    found = [*_transport(visit, recipe), *_bad_status(visit, layout)]
     xyz = visit.readings
     if len(xyz) >= 2:
         found += [*_axes(visit, xyz, recipe, layout), *_rest(visit, xyz, recipe), *_face(visit, xyz, true, recipe)]
@@ -111,15 +111,15 @@ def _held_back(d: Visit, recipe: Recipe) -> float:
     return max(longest_s, 0.0) / max((int(time_ns[-1]) - int(time_ns[0])) / 1e9, 1e-9)
 
 
-def _alarms(d: Visit, layout: SensorLayout) -> Iterator[Reason]:
+def _bad_status(d: Visit, layout: SensorLayout) -> Iterator[Reason]:
     """What the unit says against itself in the status of its readings."""
     if d.samples.status is None:
         return
     status = d.samples.status[d.samples.usable]
-    for name, bits in layout.map.alarms.items():
+    for name, bits in layout.map.bad_status.items():
         if count := int(np.count_nonzero(status & np.asarray(bits, status.dtype))):
-            message = Message("visit-alarm", position=d.position, alarm=name, count=count, readings=len(status))
-            yield Reason(message, count, 0, check="alarm")
+            message = Message("visit-bad-status", position=d.position, says=name, count=count, readings=len(status))
+            yield Reason(message, count, 0, check="bad-status")
 
 
 def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterator[Reason]:
