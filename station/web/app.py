@@ -16,7 +16,7 @@ from station.errors import InputError, StationError
 from station.messages import Message
 from station.web import audit, charts_page, diagnosis, language, login, metrics, operator, render, signing, unit_page
 from station.web.connections import GONE
-from station.web.guard import RequestRefusal, SecurityMiddleware, session_of
+from station.web.guard import CLOSING_HEADERS, RequestRefusal, SecurityMiddleware, session_of
 from station.web.panel import Panel
 from station.web.static_files import HashedFiles
 
@@ -32,7 +32,7 @@ def create_app(panel: Panel) -> Starlette:
             Mount("/static", HashedFiles()),
         ],
         middleware=[Middleware(SecurityMiddleware, host_names=panel.host_names)],
-        exception_handlers={HTTPException: _http_error, StationError: _station_error, **GONE},
+        exception_handlers={HTTPException: _http_error, StationError: _station_error, **GONE, Exception: _bug},
         lifespan=_lifespan,
     )
     app.state.panel = panel
@@ -69,6 +69,13 @@ async def _http_error(request: Request, exc: Exception) -> Response:
 async def _station_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, StationError)
     return _error_response(request, exc.message, 400 if isinstance(exc, InputError) else 503)
+
+
+async def _bug(request: Request, exc: Exception) -> Response:
+    """What nobody foresaw is a sentence, too; the server prints where it happened. It stands outside the middleware."""
+    answer = _error_response(request, Message("page-bug", type=type(exc).__name__), 500)
+    answer.headers.update(CLOSING_HEADERS)
+    return answer
 
 
 def _error_response(request: Request, message: Message, status: int) -> Response:

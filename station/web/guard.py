@@ -19,7 +19,8 @@ SESSION_COOKIE = "station_session"
 #: A form of this page is never larger; a body that is gets 413 before it is read.
 MOST_BODY_BYTES = 64 * 1024
 
-_HEADERS = {
+#: What closes every page: no foreign script, frame or form.
+CLOSING_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; connect-src 'self'; img-src 'self' data:; style-src 'self'; "
     "script-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
     "X-Content-Type-Options": "nosniff",
@@ -103,7 +104,7 @@ class SecurityMiddleware:
         async def closed(message: AsgiMessage) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in _HEADERS.items():
+                for name, value in CLOSING_HEADERS.items():
                     headers.setdefault(name, value)
             await send(message)
 

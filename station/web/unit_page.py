@@ -55,6 +55,7 @@ def _gather(panel: Panel, serial: str, wanted: str, words: Words) -> dict[str, A
 def _why(chosen: dict[str, Any], unit: str, day: list[AttemptValues], words: Words) -> dict[str, Any]:
     """The reasons, the value that decided, and what its surroundings say. unit: of its readings."""
     fit, verdict = result(chosen, "calibration"), result(chosen, "verdict") or {}
+    identity = result(chosen, "identity") or {}
     reasons = verdict.get("reasons") or []
     first = unit_view.deciding(fit, reasons, words)
     own = values_of(chosen) if chosen["outcome"] else None
@@ -71,8 +72,9 @@ def _why(chosen: dict[str, Any], unit: str, day: list[AttemptValues], words: Wor
         "residuals": unit_view.residual_figure(fit, words) or unit_view.reading_figure(chosen["visits"], unit, words),
         "neighbours": near,
         "nest_sentence": sentence,
-        "identity": result(chosen, "identity") or {},
-        "verdict": verdict,
+        "device": " ".join(str(identity[k]) for k in ("name", "software") if identity.get(k)),
+        "written": bool(verdict.get("written")),
+        "verified": bool(verdict.get("verified")),
         "local": time_text.local(chosen["started_ns"]),
         "signatures": signatures(chosen),
         "meanings": tuple(Meaning),
