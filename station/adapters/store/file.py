@@ -112,25 +112,30 @@ def own_inode(path: Path) -> int:
     return handle
 
 
-def identity(path: Path) -> tuple[tuple[int, int], ...]:
-    """What files the log, its write-ahead log and the index of that are: device and inode. Errors: OSError.
+class FilesInPlace:
+    """What files the log, its write-ahead log and the index of that are, as they were found when this was made.
 
     Whoever opens the log while the index is gone makes another one: its locks and ours then know nothing of each other.
+    Errors: OSError where one of them is missing.
     """
-    # At each commit: to make three paths of this one takes three times as long as the calls.
-    stats = [os.stat(f"{path}{ending}") for ending in ("", "-wal", "-shm")]  # noqa: PTH116
-    return tuple((stat.st_dev, stat.st_ino) for stat in stats)
 
+    def __init__(self, path: Path) -> None:
+        self._path, self._names = path, tuple(f"{path}{ending}" for ending in ("", "-wal", "-shm"))
+        self._found = self._inodes()
 
-def check_in_place(path: Path, known: tuple[tuple[int, int], ...]) -> None:
-    """StoreFault where the log has been renamed, removed or exchanged under the hands of its owner: what is written to
-    an open file whose name is gone, nobody finds again."""
-    try:
-        present = identity(path)
-    except OSError:
-        present = ()
-    if present != known:
-        raise StoreFault("log-moved", path=str(path))
+    def check(self) -> None:
+        """StoreFault where the log has been renamed, removed or exchanged under the hands of its owner: what is written
+        to an open file whose name is gone, nobody finds again."""
+        try:
+            if self._inodes() == self._found:
+                return
+        except OSError:
+            pass
+        raise StoreFault("log-moved", path=str(self._path))
+
+    def _inodes(self) -> list[tuple[int, int]]:
+        # At each commit: to make three paths of this one takes three times as long as the calls.
+        return [((stat := os.stat(name)).st_dev, stat.st_ino) for name in self._names]  # noqa: PTH116
 
 
 def _preallocate_wal(wal: Path) -> None:

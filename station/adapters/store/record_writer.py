@@ -40,7 +40,7 @@ class RecordWriter:
         self._path, self._db, self._station, self._signer = path, connection, station, signer
         self._epoch_ns, self._committed = epoch_ns, committed
         self._turn = Lock()
-        self._data_version, self._files = self._read_data_version(), file.identity(path)
+        self._data_version, self._files = self._read_data_version(), file.FilesInPlace(path)
         self.log_id = str(connection.execute("SELECT value FROM meta WHERE key = 'log_id'").fetchone()[0])
         self.number, self.hash = file.newest(connection, self.log_id)
         self._signature = file.signature_of(connection, self.number)
@@ -104,7 +104,7 @@ class RecordWriter:
 
     def check_in_place(self) -> None:
         """StoreFault where the log is not where it was."""
-        file.check_in_place(self._path, self._files)
+        self._files.check()
 
     def _check_nobody_else_wrote(self) -> None:
         """StoreFault where the log is not where it was, or its newest record not the one that this owner made last."""

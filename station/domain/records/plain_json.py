@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import orjson
 
 
 def text(value: str) -> str:
@@ -24,11 +25,9 @@ def number(value: float | None) -> float | None:
 def document(value: Any) -> str:
     """JSON with sorted keys and every float bit for bit; NaN and infinities become null, bytes hexadecimal."""
     try:
-        made = _JSON.encode(value)
-        made.encode()
-    except ValueError:  # NaN, infinity, or text that is no text: rare, and worth a second look at every value
-        made = _JSON.encode(to_plain(value))
-    return made
+        return orjson.dumps(value, _encode_unknown, _AS_KEPT).decode()
+    except TypeError:  # text that is none, keys that are none, a number beyond 64 bits: rare, and worth a second look
+        return _JSON.encode(to_plain(value))
 
 
 def to_plain(value: Any) -> Any:
@@ -67,11 +66,5 @@ def _encode_unknown(value: Any) -> Any:
     return _nested(value)
 
 
-_JSON = json.JSONEncoder(
-    sort_keys=True,
-    separators=(",", ":"),
-    ensure_ascii=False,
-    allow_nan=False,
-    check_circular=False,
-    default=_encode_unknown,
-)
+_AS_KEPT = orjson.OPT_SORT_KEYS | orjson.OPT_PASSTHROUGH_DATACLASS | orjson.OPT_PASSTHROUGH_DATETIME
+_JSON = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
