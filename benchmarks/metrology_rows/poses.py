@@ -76,6 +76,11 @@ def poses(units: int, report: Report) -> None:
         values = bench.readings(np.tile(bench.truth(pose=0.3 * DEG), (1, len(runs), 1)))
         values += 10 * MEAN_NOISE * bench.rng.standard_normal((*values.shape[:2], 1, 3))
         bench.coverage(f"poses .3° stated, other scatter of 10 × noise, visited {name}", values, FLOOR)
+    for factor in (10, 100, 300):
+        bench = Bench(recipe("six", {"pose_std_deg": 0.3}), units, report, 37)
+        values = bench.readings(bench.truth(pose=0.3 * DEG))
+        values += factor * MEAN_NOISE * bench.rng.standard_normal((*values.shape[:2], 1, 3))
+        bench.coverage(f"the same, {factor} × noise, six faces visited once", values, FLOOR)
 
 
 def sites(units: int, report: Report) -> None:

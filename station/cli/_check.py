@@ -200,6 +200,10 @@ def _uncertainty(subject: CheckSubject) -> CheckSection | None:
     )
 
 
+#: What to do about an assumption where stating it is not the way.
+_REMEDIES = {assumptions.HIDDEN_SCATTER: "add a run or positions, or state reproducibility"}
+
+
 def _assumptions(subject: CheckSubject) -> CheckSection:
     """Every contribution to the uncertainty as stated or as assumed; a warning where the recipe leaves it open."""
     found = assumptions.listing(subject.recipe)
@@ -208,7 +212,7 @@ def _assumptions(subject: CheckSubject) -> CheckSection:
     ]
     lines = tuple(
         f"assumed: {a.key} = {a.value:.2g}{'' if a.unit == '1' else ' ' + a.unit} ({render(a.source)}); "
-        f"{'add a run' if a.key == assumptions.HIDDEN_SCATTER else 'state it, or 0'}"
+        f"{_REMEDIES.get(a.key, 'state it, or 0')}"
         for a in found
         if not a.stated
     )

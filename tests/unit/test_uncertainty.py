@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from station.domain.core import rotation
-from station.domain.core.types import Floats
+from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation import pipeline
 from station.domain.methods import contributions
+from station.domain.recipe.recipe import Recipe
+from station.domain.recipe.reference_block import Reproducibility
 from station.messages import render
 from tests.fakes import tumble
 from tests.fakes.tumble import TODAY, coefficients
@@ -114,6 +116,34 @@ def test_scatter_far_below_stated_pose_errors_is_seen_along_the_stimulus(
     # 720 of .95, those of a unit not independent: three standard deviations of a third as many.
     assert 0.91 < (np.abs(error) < wide)[:, offsets_and_gains].mean() < 0.99
     assert np.median(wide[:, offsets_and_gains]) < 3 * np.hypot(scatter, 3e-4 / 40**0.5)
+
+
+@pytest.mark.parametrize("scatter", [5e-4, 5e-3])
+def test_scatter_that_six_faces_cannot_show_is_bounded_by_stated_pose_errors(
+    rng: np.random.Generator, scatter: float
+) -> None:
+    """Six faces, each visited once, with poses off by 0.3° as stated: gains have no redundancy of their own."""
+    recipe = tumble.recipe("six-point", reference=RIG | {"pose_std_deg": 0.3})
+    theta = tumble.units(rng, 100)
+    true = turned(tumble.truths(recipe), np.deg2rad(0.3), rng, len(theta))
+    readings = tumble.readings(theta, true)
+    readings += scatter * rng.standard_normal(readings.shape)
+    table = tumble.table(recipe, readings, 3e-4, 40, rng)
+    error, wide = _gains(recipe, table, theta)
+    # 300 of .95, three of a unit together: three standard deviations of a third as many.
+    assert (error < wide).mean() > 0.95 - 3 * (0.95 * 0.05 / 100) ** 0.5
+    assert np.median(wide) < 2.45 * 2**0.5 * np.hypot(np.deg2rad(0.3), scatter)
+    if scatter < np.deg2rad(0.3) / 3:
+        known = recipe.model_copy(update={"reproducibility": Reproducibility(gain=scatter, dof=30)})
+        assert _gains(known, table, theta)[1].min() < wide.min() / 3, "who measured it, knows"
+
+
+def _gains(recipe: Recipe, table: SampleTable, theta: Floats) -> tuple[Floats, Floats]:
+    """Errors of all gains and their U."""
+    found = list(pipeline.calibrate(recipe, table, TODAY))
+    error = np.abs(np.array([coefficients(r) for r in found]) - theta)
+    wide = np.array([r.budget.expanded() for r in found if r.budget is not None])
+    return error[:, [3, 7, 11]], wide[:, [3, 7, 11]]
 
 
 @pytest.mark.parametrize("count", [1, 2, 6, 40])

@@ -1,13 +1,22 @@
 """The uncertainty budget of every coefficient (GUM, JCGM 100): every cause, its covariance, its degrees of freedom."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
 
 from station.domain.core.types import Floats, ReducedVisits
-from station.domain.methods import coefficients, contributions, coverage, residual_scatter, scatter, stated_poses, tilt
+from station.domain.methods import (
+    coefficients,
+    contributions,
+    coverage,
+    hidden_scatter,
+    residual_scatter,
+    scatter,
+    stated_poses,
+    tilt,
+)
 from station.domain.methods.method import Fit, FitProblem
 from station.domain.methods.scatter import LackOfFit
 from station.domain.noise import noise
@@ -19,7 +28,7 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 7
+RULES = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +100,8 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     """The budget of each unit. visits: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     u = len(fit.theta)
-    scattered, residuals = _scatter(recipe, problem, fit)
     pose_std, pose_dof = _pose_std(recipe, problem, fit)
+    scattered, residuals = _scatter(recipe, problem, fit, hidden_scatter.bound(recipe, problem, pose_std))
     parts = {
         "noise": contributions.noise(fit, _plain_noise(problem)),
         "quantisation": contributions.quantisation(problem, fit),
@@ -137,9 +146,11 @@ class _Scatter:
     dof: Floats
 
 
-def _scatter(recipe: Recipe, problem: FitProblem, fit: Fit) -> tuple[list[_Scatter], tuple[Floats, Floats]]:
+def _scatter(
+    recipe: Recipe, problem: FitProblem, fit: Fit, hidden: hidden_scatter.Kind
+) -> tuple[list[_Scatter], tuple[Floats, Floats]]:
     """Scatter of visits of one pose, and of poses, for which residuals of earlier units are heard, too; χ²/ν and ν (u)
-    of the latter's residuals."""
+    of the latter's residuals. hidden: what no residual shows."""
     u, _, v, _ = fit.jacobian.shape
     found = scatter.lack_of_fit(replace(problem, scatter_visit=np.zeros(u)), fit)
     ratio, noise_variance = _ratio(problem.scatter_visit, found.within, found.of_within, found.dof_within)
@@ -151,26 +162,31 @@ def _scatter(recipe: Recipe, problem: FitProblem, fit: Fit) -> tuple[list[_Scatt
     earlier = recipe.residuals
     usual = residual_scatter.NOTHING_KNOWN if earlier is None else (earlier.ratio, earlier.dof)
     if stated_poses.apply(recipe, problem, fit):
-        of_poses, residuals = _beside_stated_poses(problem, fit, found, usual)
-        return [of_visits, *of_poses], residuals
+        shown, residuals = _beside_stated_poses(problem, fit, found, usual)
+        return [of_visits, *_largest(problem, fit, [*shown, hidden])], residuals
     ratio, noise_variance = _ratio(problem.scatter_pose, found.between, found.of_between, found.dof_between)
     over, dof = residual_scatter.excess(ratio, found.dof_between, usual)
-    variance = (over * noise_variance)[:, None, None] * _pose_shape(problem, fit)
-    return [of_visits, _Scatter(_of_poses(problem, fit, variance), dof)], (ratio, found.dof_between)
+    each = (over * noise_variance)[:, None, None] * _pose_shape(problem, fit)
+    return [of_visits, *_largest(problem, fit, [(each, dof), hidden])], (ratio, found.dof_between)
 
 
 def _beside_stated_poses(
     problem: FitProblem, fit: Fit, found: LackOfFit, usual: tuple[float, float]
-) -> tuple[list[_Scatter], tuple[Floats, Floats]]:
-    """Of scatter alike on all readings and errors of poses beyond the stated ones, each reading gets the larger."""
+) -> tuple[list[hidden_scatter.Kind], tuple[Floats, Floats]]:
+    """Scatter alike on all readings, and errors of poses beyond the stated ones."""
     alike, poses = stated_poses.components(problem, fit, found, usual)
     over, dof = residual_scatter.excess(alike.ratio, alike.dof, usual)
     more, dof_of_more = residual_scatter.excess(poses.ratio, poses.dof)
     a, b = over[:, None, None] * alike.unit, more[:, None, None] * poses.unit
-    return [
-        _Scatter(_of_poses(problem, fit, np.where(a >= b, a, 0.0)), dof),
-        _Scatter(_of_poses(problem, fit, np.where(a < b, b, 0.0)), dof_of_more),
-    ], (alike.ratio, alike.dof)
+    return [(a, dof), (b, dof_of_more)], (alike.ratio, alike.dof)
+
+
+def _largest(problem: FitProblem, fit: Fit, kinds: Sequence[hidden_scatter.Kind]) -> Iterator[_Scatter]:
+    """Of several kinds of scatter each reading gets the largest."""
+    largest = np.argmax([variance for variance, _ in kinds], axis=0)
+    for i, (variance, dof) in enumerate(kinds):
+        if variance.any():
+            yield _Scatter(_of_poses(problem, fit, np.where(largest == i, variance, 0.0)), dof)
 
 
 def _of_poses(problem: FitProblem, fit: Fit, variance: Floats) -> Floats:

@@ -118,8 +118,7 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
             _of("reference.pose_std_deg", r.pose_std_deg, 0.0, "deg", Message("assumed-pose", fallback=POSE_DEG))
         )
         found.append(_of("reference.nest_std_deg", r.nest_std_deg, NEST_DEG, "deg", Message("assumed-nest")))
-    if _hides_scatter(recipe):
-        found.append(_of(HIDDEN_SCATTER, None, 0.0, recipe.unit, Message("assumed-no-scatter")))
+    found += _hidden_scatter(recipe)
     if recipe.pose_known and r.source == "gravity":
         found.append(_of("reference.base_std_deg", r.base_std_deg, BASE_DEG, "deg", Message("assumed-base")))
     if recipe.pose_known and r.source == "field":
@@ -148,17 +147,27 @@ def thermometer(recipe: Recipe) -> Assumption:
     return _of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer"))
 
 
-def _hides_scatter(recipe: Recipe) -> bool:
-    """Whether scatter along the stimulus shows nowhere: errors of poses are stated, so that readings which do not feel
-    them decide alone, each pose is visited once, and coefficients take all that those readings say."""
-    seatings = [run.seating for run in recipe.runs]
+def hides_scatter(recipe: Recipe, true: Floats) -> bool:
+    """Whether scatter along the stimulus (v, 3) shows nowhere when each pose is visited once: readings across feel
+    errors of poses, and coefficients take all that those along it say."""
     felt = recipe.pose_known and recipe.method != "norm" and recipe.reference.source != "gold" and not recipe.converts
-    if not felt or not recipe.reference.pose_std_deg or len(set(seatings)) < len(seatings):
+    if not felt or recipe.reference.pose_std_deg == 0 or recipe.reproducibility is not None:
         return False
-    true = np.array([recipe.true_vector(p, seating) for seating in seatings for p in recipe.positions])
     pairs = [(i, i) for i in range(3)] + ([(0, 1), (0, 2), (1, 2)] if recipe.model == "matrix" else [])
     along = np.column_stack([true, *(true[:, i] * true[:, j] for i, j in pairs)])
     return len(true) - int(np.linalg.matrix_rank(along)) < MIN_RESIDUAL_DOF
+
+
+def _hidden_scatter(recipe: Recipe) -> list[Assumption]:
+    """Scatter that nothing shows, as large as errors of poses make it (station.domain.methods.hidden_scatter)."""
+    seatings = [run.seating for run in recipe.runs]
+    true = np.array([recipe.true_vector(p, seating) for seating in seatings for p in recipe.positions])
+    coefficients = {"one-point": 1, "three-point": 2}.get(recipe.method, 4 if recipe.model == "matrix" else 2)
+    pose = np.deg2rad(pose_deg(recipe, recipe.axes * (len(true) - coefficients))) if recipe.pose_known else 0.0
+    if not pose or len(set(seatings)) < len(seatings) or not hides_scatter(recipe, true):
+        return []
+    size = float(pose * np.linalg.norm(true, axis=1).max())
+    return [_of(HIDDEN_SCATTER, None, size, recipe.unit, Message("assumed-hidden-scatter"))]
 
 
 def _magnitude(recipe: Recipe) -> Assumption:
