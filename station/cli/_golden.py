@@ -1,29 +1,36 @@
 """The work of `station golden`."""
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import date
 from functools import partial
 from pathlib import Path
 
 from station.cli import _output
 from station.cli._golden_trend import show_trend
+from station.config.recipes import load_recipe
 from station.config.settings import load_settings
 from station.domain.line_quality.golden import RegisteredUnit
+from station.domain.recipe.serial import canonical, check
 from station.domain.records.stored_attempt import utc_day
 from station.errors import ConfigError, ReferenceOverdue, UsageError
+from station.messages import Message
 from station.service import golden_register
 from station.wiring.logs import find_log, open_log
+
+#: Half-width of a value that a unit's own run came to, as a share of the recipe's limit.
+_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class RegisterOptions:
-    """Options of `register`; svg: of `trend`."""
+    """Options of `register`; recipe: whose serials these are, '' for config.yaml's; svg: of `trend`."""
 
     bad: bool
-    within: float
+    within: float | None
     due: str
     values: tuple[str, ...] = ()
+    recipe: str = ""
     svg: Path | None = None
 
 
@@ -42,7 +49,8 @@ def manage_golden_units(
         with open_log(database) as log:
             return show_trend(log, chosen, options.svg, as_json=as_json)
     if action in ("register", "remove"):
-        _update_register(units, action, serial, options, database)
+        filled = replace(options, recipe=options.recipe or settings.recipe)
+        _update_register(units, action, serial, filled, database)
         golden_register.save(register, units)
     elif action not in ("check", "list"):
         raise UsageError("golden-unknown-action", action=action[:20])
@@ -62,15 +70,33 @@ def _update_register(
 ) -> None:
     if serial is None:
         raise UsageError("golden-without-serial", action=action)
+    if action == "register":
+        _refuse_other_spelling(units, serial)
     if action == "register" and options.values:
+        _refuse_beside_values(options)
+        check(serial, load_recipe(options.recipe))
         units[serial] = golden_register.by_certificate(serial, options.values, _parse_due(options.due))
     elif action == "register":
         with open_log(database) as log:
-            units[serial] = golden_register.expect(
-                log, serial, bad=options.bad, share=options.within, due=_parse_due(options.due)
-            )
+            share = _SHARE if options.within is None else options.within
+            due = _parse_due(options.due)
+            units[serial] = golden_register.expect(log, serial, bad=options.bad, share=share, due=due)
     else:
         del units[_registered(units, serial, action).serial]
+
+
+def _refuse_beside_values(options: RegisterOptions) -> None:
+    """UsageError for what only a registration by the unit's own run reads."""
+    for option, given in (("--bad", options.bad), ("--within", options.within is not None)):
+        if given:
+            raise UsageError("option-wrong", option=option, reason=Message("golden-by-values"))
+
+
+def _refuse_other_spelling(units: dict[str, RegisteredUnit], serial: str) -> None:
+    """UsageError where a registered unit is this one by its device number, spelt otherwise."""
+    for other in units:
+        if other != serial and canonical(other) == canonical(serial):
+            raise UsageError("serial-spelt-twice", serial=serial, other=other)
 
 
 def _registered(units: dict[str, RegisteredUnit], serial: str | None, action: str) -> RegisteredUnit:

@@ -10,7 +10,7 @@ from station.cli._options import AsJson, ConfigPath, LogPath
 #: Options that only go with one of these words.
 GOES_WITH = {
     "--bad": ("register",), "--within": ("register",), "--value": ("register",), "--due": ("register",),
-    "--svg": ("trend",),
+    "--recipe": ("--value",), "--svg": ("trend",),
 }  # fmt: skip
 
 
@@ -18,12 +18,17 @@ def command(
     action: Annotated[str, Argument(help="register, remove, check, trend or list.")],
     serial: Annotated[str | None, Argument(help="The unit (register, remove, trend).")] = None,
     bad: Annotated[bool, Option("--bad", help="register: it must FAIL, for the same reasons.")] = False,
-    within: Annotated[float, Option(min=0.001, max=1, help="register: half-width, as a share of the limits.")] = 0.1,
+    within: Annotated[
+        float | None, Option(min=0.001, max=1, help="register: half-width, as a share of the limits; left out: 0.1.")
+    ] = None,
     value: Annotated[
         list[str] | None,
         Option(help="register: NAME=VALUE:U of its certificate, as 'gain z=1.0021:0.0004'; Eₙ decides."),
     ] = None,
     due: Annotated[str, Option(help="register: day by which the unit itself is due, 2027-01-31.")] = "",
+    recipe: Annotated[
+        str, Option(help="register, with --value: the recipe whose serials these are; left out: config.yaml's.")
+    ] = "",
     svg: Annotated[Path | None, Option(help="trend: drawing to write.")] = None,
     json: AsJson = False,
     db: LogPath = None,
@@ -52,6 +57,5 @@ def command(
     """
     from station.cli._golden import RegisterOptions, manage_golden_units
 
-    return manage_golden_units(
-        action, serial, RegisterOptions(bad, within, due, tuple(value or ()), svg), (db, config), as_json=json
-    )
+    options = RegisterOptions(bad, within, due, tuple(value or ()), recipe, svg)
+    return manage_golden_units(action, serial, options, (db, config), as_json=json)

@@ -95,6 +95,8 @@ def by_certificate(serial: str, values: Sequence[str], due: str) -> RegisteredUn
             raise UsageError("golden-value-form", text=text[:60]) from exc
         if name not in coefficients.NAMES or not pair[1] > 0 or not all(map(math.isfinite, pair)):
             raise UsageError("golden-value-form", text=text[:60])
+        if name in found:
+            raise UsageError("golden-value-twice", name=name)
         found[name] = pair
     return RegisteredUnit(serial, "golden", "", "PASS", found, (), due, external=True)
 

@@ -82,16 +82,46 @@ def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[st
         (("golden", "polish"), "There is no action"),
         (("golden", "register"), "Name the unit"),
         (("golden", "remove", "SN1"), "is not registered"),
-        (("golden", "register", "SN1"), "station.db"),
-        (("golden", "register", "SN1", "--value", "gain z=nan:1"), "must be NAME=VALUE:U"),
-        (("golden", "register", "SN1", "--value", "gain z=1:inf"), "must be NAME=VALUE:U"),
-        (("golden", "register", "SN1", "--value", "gain z=1:0.1", "--due", "2020-01-01"), "has passed"),
+        (("golden", "register", "SN0001"), "station.db"),
+        (("golden", "register", "SN0001", "--value", "gain z=nan:1"), "must be NAME=VALUE:U"),
+        (("golden", "register", "SN0001", "--value", "gain z=1:inf"), "must be NAME=VALUE:U"),
+        (("golden", "register", "SN0001", "--value", "gain z=1:0.1", "--due", "2020-01-01"), "has passed"),
     ):
         assert station(*words) == 2
         assert shown in capsys.readouterr().err
+    assert not (folder / "golden.json").exists()
     (folder / "golden.json").write_text("[]")
     assert station("golden", "list") == 2
     assert "not a readable register" in capsys.readouterr().err
+
+
+CERTIFIED = ("--value", "gain z=1:0.1")
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (("../../etc/passwd", *CERTIFIED), "does not match the recipe's pattern"),
+        (("SN0042\n", *CERTIFIED), "printable characters"),
+        (("SN" + "0" * 70, *CERTIFIED), "printable characters"),
+        (("", *CERTIFIED), "printable characters"),
+        (("SN09001", *CERTIFIED), "one device number"),
+        (("SN0002", *CERTIFIED, "--recipe", "no-such"), "no-such"),
+        (("SN0002", "--recipe", "six-point"), "--value"),
+        (("SN0002", *CERTIFIED, "--bad"), "--bad does not go with --value"),
+        (("SN0002", *CERTIFIED, "--within", "0.2"), "--within does not go with --value"),
+        (("SN0002", *CERTIFIED, *CERTIFIED), "twice"),
+    ],
+)
+def test_only_a_units_serial_is_registered(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], shown: str
+) -> None:
+    assert station("golden", "register", "SN9001", *CERTIFIED) == 0
+    before = (folder / "golden.json").read_bytes()
+    capsys.readouterr()
+    assert station("golden", "register", *words) == 2
+    assert shown in capsys.readouterr().err
+    assert (folder / "golden.json").read_bytes() == before
 
 
 @pytest.mark.parametrize("zone", ["<-12>12", "<+14>-14"])
