@@ -166,6 +166,7 @@ def _write_recordings(folder: Path) -> None:
     _write_table(folder / "log.txt", _blocks(faces, rng), stamps=False)
     for name, warmer_ms2 in (("cold", 0.0), ("warm", 0.03)):
         _write_matlab(folder / f"{name}.mat", _recorded(faces, rng) + warmer_ms2)
+    _write_compass(folder / "compass.csv", rng)
     _write_study(folder / "readings.csv", rng)
     _write_linearity(folder / "linearity.csv", rng)
     for name, up in FACES.items():
@@ -208,6 +209,14 @@ def _write_matlab(path: Path, readings_ms2: Floats) -> None:
 
     names = {f"a{axis}": readings_ms2[:, i] for i, axis in enumerate("xyz")}
     savemat(path, {"t": np.arange(len(readings_ms2)) / RATE_HZ, **names})
+
+
+def _write_compass(path: Path, rng: np.random.Generator) -> None:
+    """A magnetometer turned slowly all round in a field of 49 µT: a reading a pose."""
+    turned = rng.normal(size=(300, 3))
+    field_ut = 49.0 * turned / np.linalg.norm(turned, axis=1)[:, None]
+    readings_ut = field_ut * [1.04, 0.98, 1.08] + [20.0, -35.0, 12.0] + rng.normal(0, 0.3, field_ut.shape)
+    np.savetxt(path, readings_ut, fmt="%.2f", delimiter=",", header="mag_x,mag_y,mag_z", comments="")
 
 
 def _write_linearity(path: Path, rng: np.random.Generator) -> None:

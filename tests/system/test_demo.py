@@ -9,6 +9,7 @@ import io
 import random
 import re
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,10 @@ SLOW = (
     "station rig axes",
     "station run --config drives.yaml",
 )
+#: What follows one of these is written, and there from then on.
+WRITES = ("--out", "--frames", "--json", "--report", "--extend", "--next-run", "--correct", "--svg", "--bundle")
+#: Endings of files that an example may read.
+READ = {".csv", ".txt", ".mat", ".log", ".blf", ".asc", ".mf4", ".parquet", ".dbc", ".eds", ".zip"}
 #: A narrow screen: half of one, or a phone.
 NARROW = 60
 #: Guides whose blocks take a few seconds in all; the endurance program runs every guide's.
@@ -80,6 +85,20 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=f"The folder {tmp_path} is not empty"):
         run_command(["demo", str(tmp_path)])
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_every_file_that_a_guide_reads_is_there_or_was_written_by_a_line_before(tour: tuple[Path, str]) -> None:
+    missing = []
+    for page in GUIDES:
+        there = {path.relative_to(tour[0]).as_posix() for path in tour[0].rglob("*")}
+        for line in filter(lambda line: not needs_plant(line), guide_examples(page)):
+            words = words_of(line)
+            writes = (*WRITES, "--samples") if words[1] == "export" else WRITES
+            written = {after for option, after in pairwise(words) if option in writes and after not in there}
+            files = {word for word in words[2:] if Path(word).suffix in READ}
+            missing += [f"{page.name}: {line}: {file}" for file in files - written - there]
+            there |= written
+    assert missing == []
 
 
 def test_every_quick_example_runs_there_in_any_order(
