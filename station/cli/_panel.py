@@ -126,6 +126,12 @@ def _check_voucher(wish: PersonChange, file: Path, people: Mapping[str, Account]
         raise UsageError("account-wrong-password", name=who.name)
 
 
+def _name_of_plant(location: str) -> str:
+    """The database as a title names it: where it is only if that is another machine."""
+    host, _, name = location.removeprefix("postgresql://").rpartition("/")
+    return name if host == "localhost" or host.startswith("/") else f"{name} ({host})"
+
+
 def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, faults: tuple[str, ...] = ()) -> int:
     """Serves until it is stopped. pace: of simulated runs; None: runs on the bench; faults: of simulated units."""
     settings = load_settings(where.config)
@@ -134,7 +140,7 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
         if pace is not None or where.recipe is not None:
             raise UsageError("panel-of-plant-reads")
         with open_log(plant) as log:
-            settings = settings.model_copy(update={"station": log.location})
+            settings = settings.model_copy(update={"station": _name_of_plant(log.location)})
     recipe = where.recipe or settings.recipe
     job, _ = load_job(recipe)
     order = LaunchOptions(

@@ -56,14 +56,21 @@ def _prepare(panel: Panel) -> None:
         panel.screen.plan(panel.screen.shown()["plan"])
 
 
-async def _to_audit(_: Request) -> Response:
-    return RedirectResponse("/audit", 303)
+async def _to_audit(request: Request) -> Response:
+    return render.remember_choice(request, RedirectResponse("/audit", 303))
 
 
 async def _http_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, HTTPException)
-    message = exc.message if isinstance(exc, RequestRefusal) else Message.text(exc.detail)
+    message = exc.message if isinstance(exc, RequestRefusal) else _refusal_of(request, exc)
     return _error_response(request, message, exc.status_code)
+
+
+def _refusal_of(request: Request, exc: HTTPException) -> Message:
+    """What the router itself refuses, in words that have a translation."""
+    known = {404: "page-not-there", 405: "page-not-so"}
+    path = request.url.path[:80]
+    return Message(known[exc.status_code], path=path) if exc.status_code in known else Message.text(exc.detail)
 
 
 async def _station_error(request: Request, exc: Exception) -> Response:

@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.types import Message as AsgiMessage
 
 from station.messages import Message, render
+from station.web.render import remember_choice
 from station.web.sessions import Session, same_token
 
 SESSION_COOKIE = "station_session"
@@ -70,7 +71,7 @@ def require_right(right: str) -> Callable[[Callable[[Request, Session], Awaitabl
             session = session_of(request)
             if session is None:
                 if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
-                    return RedirectResponse("/login", 303)
+                    return remember_choice(request, RedirectResponse("/login", 303))
                 raise RequestRefusal(401, Message("log-in-first"))
             if not (session.account.may(right) and request.app.state.panel.offers(right)):
                 raise RequestRefusal(403, Message("role-may-not", role=session.account.role.value))

@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, pass_context
 from jinja2.runtime import Context
 from markupsafe import Markup
 from starlette.requests import Request
-from starlette.responses import HTMLResponse
+from starlette.responses import HTMLResponse, Response
 
 from station.domain.records.stored_attempt import utc
 from station.messages import Message, labels, term
@@ -95,6 +95,13 @@ def page(request: Request, name: str, session: Session | None, status: int = 200
         )
     )
     answer = HTMLResponse(html, status)
+    remember_choice(request, answer)
+    return answer
+
+
+def remember_choice(request: Request, answer: Response) -> Response:
+    """The answer, with the language and the appearance that the address names as cookies."""
+    code = language.of_request(request)
     if request.query_params.get("language") == code:
         answer.set_cookie(language.LANGUAGE_COOKIE, code, max_age=365 * 86400, samesite="strict")
     if "theme" in request.query_params:

@@ -97,7 +97,7 @@ def test_the_languages_of_the_page(site: Site, open_browser: Callable[..., Brows
 
 
 def test_an_auditor_finds_a_unit_and_computes_it_again(
-    site: Site, log_in: Callable[..., Browser], pictures: Path
+    site: Site, log_in: Callable[..., Browser], pictures: Path, axe: str
 ) -> None:
     page = log_in(site, "ada")
     page.go(f"{site.url}/audit")
@@ -110,7 +110,9 @@ def test_an_auditor_finds_a_unit_and_computes_it_again(
     page.picture(pictures / "unit.png")
     page.click("form[action='/audit/recompute'] button")
     page.wait("document.querySelector('main [role=status]').textContent.includes('bit for bit')")
+    assert judged(page, axe) == []
     page.go(f"{site.url}/audit/unit?serial=SN0001")
     page.click("a[href^='/audit/certificate']")
     page.wait("document.querySelector('h1').textContent.includes('certificate SN0001')")
+    assert judged(page, axe) == []
     page.picture(pictures / "certificate.png")

@@ -93,6 +93,26 @@ def test_a_unit_without_coefficients_shows_what_was_read(client: TestClient) -> 
     assert "Residuals by position" in passed
 
 
+def test_an_address_that_is_none_is_told_in_the_readers_language(client: TestClient) -> None:
+    for code, words in (
+        ("en", "There is no page /nowhere"),
+        ("de", "Die Seite /nowhere gibt es nicht"),
+        ("zh", "没有页面"),
+    ):
+        answer = client.get("/nowhere", params={"language": code}, headers=HTML)
+        assert (answer.status_code, words in answer.text) == (404, True)
+    client.cookies.delete("station_language")
+    assert "takes no such request" in client.get("/command", headers=HTML).text
+
+
+def test_a_link_keeps_its_language_and_look_over_the_log_in(client: TestClient) -> None:
+    stranger = TestClient(client.app, follow_redirects=False)
+    first = stranger.get("/audit", params={"language": "zh", "theme": "dark"}, headers=HTML)
+    assert (first.status_code, first.headers["location"]) == (303, "/login")
+    page = stranger.get("/login", headers=HTML).text
+    assert '<html lang="zh" class="dark">' in page
+
+
 def test_stored_text_stays_text(client: TestClient) -> None:
     for at in ("/audit", "/audit/unit?serial=SN0001", "/audit/unit?serial=<script>alert(1)</script>"):
         assert "<script>alert" not in client.get(at, headers=HTML).text

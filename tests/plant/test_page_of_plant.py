@@ -89,6 +89,7 @@ def test_it_reads_and_does_nothing_else(pages: tuple[TestClient, TestClient]) ->
     posted = {r.path for r in plants.app.routes if isinstance(r, Route) and "POST" in (r.methods or ())}
     assert posted == POSTED
     assert (plants.get("/").status_code, plants.get("/").headers["location"]) == (303, "/audit")
+    assert "Back to the audit" in plants.get("/nowhere", headers={"accept": "text/html"}).text
     client = TestClient(plants.app, follow_redirects=False)
     client.post("/login", data={"name": "engineer", "password": PASSWORD})
     page = client.get("/audit", headers={"accept": "text/html"}).text
