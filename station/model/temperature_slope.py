@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.domain.core.types import Array, Floats
+from station.model import long_temperature_run
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a visit.
 STIFFNESS_RATIOS = np.geomspace(1e-2, 1e8, 21)
@@ -18,6 +19,8 @@ STIFFNESS_RATIOS = np.geomspace(1e-2, 1e8, 21)
 MAX_LIKELIHOOD_RUNS = 48
 #: Modes kept of what is not known of a slope.
 MODES = 3
+#: Visits of a run beyond which no matrix has as many rows: its cost grows with the cube of them.
+MOST_DENSE_VISITS = 240
 
 
 class RunTemperatures(NamedTuple):
@@ -77,6 +80,8 @@ def _likelihoods(runs: RunTemperatures) -> tuple[Floats, Floats]:
 
     Across the straight line B, V = I + ratio · C has the same eigenvectors at every ratio.
     """
+    if runs.time.shape[1] > MOST_DENSE_VISITS:
+        return long_temperature_run.likelihoods(runs.time, runs.value, STIFFNESS_RATIOS)
     V, B = _covariance(runs.time, 1.0)
     across = np.linalg.qr(B, mode="complete")[0][..., 2:]
     C = across.swapaxes(-1, -2) @ (V - np.eye(V.shape[-1])) @ across
@@ -100,6 +105,9 @@ def _slope(runs: RunTemperatures, ratio: float, noise: float) -> tuple[Floats, F
     if t.shape[1] < 2 or still.any():
         # A run that never goes on has no slope, and one of a single stop none either.
         return _with_constant_runs(runs, still | (t.shape[1] < 2), ratio, noise)
+    if t.shape[1] > MOST_DENSE_VISITS:
+        each = [long_temperature_run.slope_and_modes(t, T, ratio, MODES) for t, T in zip(*runs, strict=True)]
+        return np.stack([slope for slope, _ in each]), noise * np.stack([modes for _, modes in each])
     V, B = _covariance(t, ratio)
     # cov(f'(s), f(t)): ∫₀ᵗ min(s, u) du.
     low = np.minimum(t[:, :, None], t[:, None, :])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from station.model.temperature_slope import temperature_slopes
+from station.model import long_temperature_run, temperature_slope
+from station.model.temperature_slope import RunTemperatures, temperature_slopes
 
 STOPS, RUNS, LENGTH_S = 24, 40, 60.0
 
@@ -41,3 +42,30 @@ def test_runs_of_one_and_two_stops() -> None:
     one, two = temperature_slopes([(np.array([3.0]), np.array([20.0])), (np.array([1.0, 3.0]), np.array([20.0, 21.0]))])
     assert one.slope == pytest.approx([0.0])
     assert two.slope == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize("ratio", [1e-1, 1e3, 1e8])
+def test_a_long_run_gives_the_same_in_linear_time_as_by_its_whole_covariance(ratio: float) -> None:
+    rng, visits = np.random.default_rng(4), 90
+    t = np.cumsum(rng.uniform(0.4, 1.6, (2, visits)), axis=1)
+    t = (t - t[:, :1]) / np.ptp(t, axis=1).max()
+    runs = RunTemperatures(t, 25 + 3 * np.sin(9 * t) + 0.02 * rng.standard_normal(t.shape))
+    slope, modes = temperature_slope._slope(runs, ratio, 1.0)
+    logdet, squares = temperature_slope._likelihoods(runs)
+    long_logdet, long_squares = long_temperature_run.likelihoods(*runs, temperature_slope.STIFFNESS_RATIOS)
+    np.testing.assert_allclose(long_logdet, logdet, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(long_squares, squares, rtol=1e-6)
+    for i in range(2):
+        found, largest = long_temperature_run.slope_and_modes(t[i], runs.value[i], ratio, 3)
+        np.testing.assert_allclose(found, slope[i], rtol=0, atol=1e-5 * np.abs(slope[i]).max())
+        expected = modes[i] @ modes[i].T
+        np.testing.assert_allclose(largest @ largest.T, expected, rtol=0, atol=1e-4 * expected.max())
+
+
+def test_a_run_of_thousands_of_visits_some_at_one_time_has_its_slope() -> None:
+    t = np.repeat(np.arange(3000) * 2.5, 2)
+    rng = np.random.default_rng(5)
+    (found,) = temperature_slopes([(t, 20.0 + 0.001 * t + 0.01 * rng.standard_normal(len(t)))])
+    # Of a straight line through so many, or of one that bends a little: 10 % is a hundred times its deviation.
+    np.testing.assert_allclose(found.slope, 0.001, rtol=0.1)
+    assert found.modes.shape == (6000, 3)
