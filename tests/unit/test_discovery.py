@@ -9,7 +9,7 @@ import pytest
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.discover import discover, is_series
-from station.diagnosis.discovery.rest import is_noise
+from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, search_between
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.diagnosis_document import document
@@ -146,3 +146,9 @@ def test_a_decay_is_not_named_as_the_bumped_visits_that_follow_it() -> None:
     found = diagnosis_of(recipe(), table)
     assert found.verdict == "unknown" and found.hypotheses is not None
     assert [t.found.fit.term.family for t in found.hypotheses.terms] == [("others", "decay")]
+
+
+def test_groups_of_more_than_can_repeat_are_no_pattern() -> None:
+    visits = np.arange(MOST_FREE_GROUPS + 1)
+    assert _group_columns(visits, np.ones((len(visits), 1))).shape == (len(visits), 0)
+    assert _group_columns(visits // 2, np.ones((len(visits), 1))).sum(0).max() == 2

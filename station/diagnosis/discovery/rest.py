@@ -31,6 +31,8 @@ MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE = 1.8, 0.03, 0.04
 #: What was recorded beside the readings is cut into so many groups of as many visits each, and so many along the curve
 #: of a term; units looked at, at most.
 GROUPS, CURVE_GROUPS, MOST_UNITS = 12, (6, 20), 40
+#: Groups that are left free together, at most: of more of them hardly any repeats, and the whole axis tells as much.
+MOST_FREE_GROUPS = 256
 COVARIATES = ("time_s", "temperature_degC", "temperature_rate", "motor")
 #: A direction that keeps less than this share of its squared length is lost in what is known.
 VISIBLE_SHARE = 1e-4
@@ -84,7 +86,7 @@ def axis_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
         rows = slice(axis, R * V * grid.k, grid.k)
         dof = float(np.sum(free[:, rows]))
         if dof >= 1:
-            yield float(scipy.stats.chi2.sf(np.sum(square[:, rows]), dof))
+            yield float(scipy.special.chdtrc(dof, np.sum(square[:, rows])))
 
 
 def prior_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
@@ -102,7 +104,7 @@ def prior_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
 def pattern_chances(patterns: Iterable[Pattern], units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
     """The chance that each pattern holds as much of the rest as it does."""
     layout = units.setting.layout
-    for p in patterns:
+    for p in (p for p in patterns if p.columns.shape[1]):
         white = space.project(layout.columns(layout.keep[:, :, p.axis, None] * p.columns[:, None], None))
         yield from _chance(white if p.own else white.reshape(1, space.data.size, -1), space)
 
@@ -118,7 +120,7 @@ def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
     visible = m > VISIBLE_SHARE * np.maximum(m.max(initial=0.0), 1e-300)
     along = (E.swapaxes(1, 2) @ (columns.swapaxes(1, 2) @ residual.reshape(len(columns), -1, 1)))[..., 0]
     if np.any(visible):
-        yield float(scipy.stats.chi2.sf(np.sum(along[visible] ** 2 / m[visible]), np.count_nonzero(visible)))
+        yield float(scipy.special.chdtrc(np.count_nonzero(visible), np.sum(along[visible] ** 2 / m[visible])))
 
 
 def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> Iterator[Pattern]:
@@ -168,5 +170,8 @@ def _level_groups(values: Floats, groups: int) -> NDArray[np.intp]:
 
 
 def _group_columns(code: NDArray[np.int32] | NDArray[np.intp], times: Floats) -> Floats:
-    """A column for each group: some values (v, 1) where a visit is of the group, 0 elsewhere."""
-    return np.asarray((code[:, None] == np.unique(code)) * times)
+    """A column for each group: some values (v, 1) where a visit is of the group, 0 elsewhere; none of too many."""
+    groups = np.unique(code)
+    if len(groups) > MOST_FREE_GROUPS:
+        groups = groups[:0]
+    return np.asarray((code[:, None] == groups) * times)
