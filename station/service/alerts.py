@@ -5,11 +5,12 @@ sent twice. What ended before a book was begun is history, and nobody is told.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from station.domain.records.stored_attempt import utc
+from station.domain.watch.size import drift_of
 from station.messages import Message, render
 from station.ports.store import Store
 from station.service.watch import Finding
@@ -28,9 +29,12 @@ _COMPARED = 1000
 class ReportedFinding:
     """An alert as it now is. document: station.watch/1; text: its sentences."""
 
-    finding: Finding
     document: Mapping[str, Any]
     text: Sequence[Message]
+
+
+#: What is to be said of an alert.
+Report = Callable[[Finding], ReportedFinding]
 
 
 @dataclass(slots=True, eq=False)
@@ -58,20 +62,18 @@ class AlertBook:
             "issued": sorted(self.issued),
         }
 
-    def update(self, reported: Sequence[ReportedFinding], channels: Sequence[str], at_ns: int) -> None:
-        """Enters what is new; at_ns: now."""
+    def update(self, findings: Sequence[Finding], report: Report, channels: Sequence[str], at_ns: int) -> None:
+        """Enters what is new, and asks for a report of nothing else; at_ns: now."""
         self.lasting = []
-        for identity, one in _identified(reported):
-            over = one.finding.ended_ns is not None
+        for identity, finding in _identified(findings):
+            over = finding.ended_ns is not None
             if not over:
                 self.lasting.append(f"{identity}/raised")
-            for stage in _stages(one):
-                id_ = f"{identity}/{stage}"
-                if id_ in self.issued:
-                    continue
-                self.issued.add(id_)
-                if self.begun or not over:
-                    self.entries.append(_entry(id_, stage, one, channels, at_ns))
+            new = [stage for stage in _stages(finding) if f"{identity}/{stage}" not in self.issued]
+            self.issued |= {f"{identity}/{stage}" for stage in new}
+            if new and (self.begun or not over):
+                one = report(finding)
+                self.entries += [_entry(f"{identity}/{stage}", stage, one, channels, at_ns) for stage in new]
         self.begun = True
         done = [e for e in self.entries if not e["pending"] and e["id"] not in self.lasting]
         for entry in done[: max(0, len(self.entries) - _RETAINED)]:
@@ -100,22 +102,21 @@ def record_alerts(store: Store, book: AlertBook) -> None:
                 store.event("", kind, {name: entry[name] for name in ("id", "what", "at", "message", "alert")})
 
 
-def _identified(reported: Sequence[ReportedFinding]) -> Iterator[tuple[str, ReportedFinding]]:
+def _identified(findings: Sequence[Finding]) -> Iterator[tuple[str, Finding]]:
     """Each with what it is known by: station, recipe, the load that raised it, which one of those it was."""
     ordinal: Counter[str] = Counter()
-    for one in reported:
-        found = one.finding
+    for found in findings:
         base = f"{found.station}/{found.recipe.name}/{found.recipe.version}/{found.alert.raised}"
         ordinal[base] += 1
-        yield f"{base}/{ordinal[base]}", one
+        yield f"{base}/{ordinal[base]}", found
 
 
-def _stages(one: ReportedFinding) -> Iterator[AlertStage]:
+def _stages(finding: Finding) -> Iterator[AlertStage]:
     yield "raised"
-    drift = one.document["drift"]
-    if one.finding.ended_ns is not None:
+    drift = drift_of(finding.alert, finding.recipe.limits)
+    if finding.ended_ns is not None:
         yield "ended"
-    elif drift is not None and drift["loads_to_limit"] is not None:
+    elif drift is not None and drift.loads_to_limit is not None:
         yield "forecast"
 
 

@@ -20,7 +20,7 @@ from station.messages import Message
 from station.panel_protocol.companion import Companion, companion_file
 from station.ports.alerts import AlertChannel
 from station.service.alerts import AlertBook, ReportedFinding
-from station.service.watch import Watch
+from station.service.watch import Finding, Watch
 from station.service.watch_report import (
     alert_document,
     alert_remarks,
@@ -74,13 +74,14 @@ class AlertDesk:
 
     def update(self, watch: Watch) -> None:
         """Enters what the loads so far say, and keeps the book."""
-        reported = []
-        for finding in watch.findings():
+
+        def report(finding: Finding) -> ReportedFinding:
             units = watch.touched(finding)
             text = [alert_sentence(finding, len(units)), *alert_remarks(finding)]
             text.append(alert_remedy(finding.alert.place.signal.kind))
-            reported.append(ReportedFinding(finding, alert_document(finding, units, self._run_length), text))
-        self._book.update(reported, list(self._channels), self._clock.epoch_ns())
+            return ReportedFinding(alert_document(finding, units, self._run_length), text)
+
+        self._book.update(watch.findings(), report, list(self._channels), self._clock.epoch_ns())
         self._keep()
 
     def deliver(self) -> None:

@@ -15,8 +15,8 @@ from station.adapters.store.sqlite import SqliteStore
 from station.config.settings import AlertSettings, MailSettings, load_settings
 from station.errors import ConfigError, StoreFault
 from station.messages import Message, render
-from station.service.alerts import record_alerts
-from station.service.watch import Watch
+from station.service.alerts import AlertBook, ReportedFinding, record_alerts
+from station.service.watch import Finding, Watch
 from station.web.panel import Panel
 from station.web.run_launcher import LaunchOptions
 from station.wiring import alerts
@@ -70,6 +70,22 @@ def tell(path: Path, settings: AlertSettings) -> None:
         desk.update(watch)
         desk.deliver()
     desk.close()
+
+
+def test_only_what_is_new_of_an_alert_is_reported(path: Path) -> None:
+    """To report is to list every unit touched: not again of each alert that ever was, after each load."""
+    book, reported = AlertBook(), list[Finding]()
+
+    def report(finding: Finding) -> ReportedFinding:
+        reported.append(finding)
+        return ReportedFinding({}, [Message.text("tilted")])
+
+    with SqliteLogReader(path) as log:
+        watch = Watch(log, 1000)
+        watch.read()
+        for _ in range(3):
+            book.update(watch.findings(), report, [], 0)
+    assert len(reported) == len(book.entries) == 1
 
 
 def test_an_alert_and_its_end_reach_everybody_once(path: Path, receivers: tuple[HookServer, MailServer]) -> None:

@@ -1,6 +1,7 @@
 """The watch's parts against answers known beforehand, and its promise on false alarms against chance."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from station.domain.watch import change_point
 from station.domain.watch.bank import LoadValues, WatchBank, WatchedPlace
 from station.domain.watch.e_detector import SHIFTS, RankShares, ShiftDetector, likelihood_ratios
 from station.domain.watch.load import load_values
-from station.domain.watch.put_right import righted_since
+from station.domain.watch.put_right import ReturnTest
 from station.domain.watch.signals import WatchedSignal, projector
 from station.domain.watch.size import drift_of
 from tests.fakes.watched_log import visits
@@ -151,6 +152,15 @@ def test_one_wild_unit_raises_no_alarm() -> None:
     assert raised == []
 
 
+def returns(values: Floats, after: Floats) -> list[int | None]:
+    """What is known after each value of when the change was put right."""
+    test, found = ReturnTest(after), list[int | None]()
+    for value in values:
+        test.extend(value[None])
+        found.append(test.righted_since())
+    return found
+
+
 def test_a_change_that_lasts_is_not_taken_for_put_right_and_one_that_is_over_soon_is() -> None:
     """Found where chance made it large: its first ten values lie 0.8 standard deviations above its level of 1.5."""
     trials, lasting, repaired, back, wrong, late = 60, 60, 40, 1.5, 0, 0
@@ -159,9 +169,10 @@ def test_a_change_that_lasts_is_not_taken_for_put_right_and_one_that_is_over_soo
         values[:lasting, 0] += back
         values[:10, 0] += 0.8
         after = values[:10].mean(axis=0)
-        wrong += any(righted_since(values[:n], after) is not None for n in range(11, lasting + 1))
-        since = next((s for n in range(lasting + 1, len(values)) if (s := righted_since(values[:n], after))), None)
-        late += since is None or not lasting - 15 <= since <= lasting + 15
+        since = returns(values, after)
+        wrong += any(found is not None for found in since[10:lasting])
+        found = next((s for s in since[lasting:-1] if s), None)
+        late += found is None or not lasting - 15 <= found <= lasting + 15
     assert wrong / trials <= 0.02 + 4.5 * math.sqrt(0.02 / trials), "one in fifty, and chance"
     assert late / trials <= 0.02 + 4.5 * math.sqrt(0.02 / trials)
 
@@ -169,8 +180,44 @@ def test_a_change_that_lasts_is_not_taken_for_put_right_and_one_that_is_over_soo
 def test_one_good_unit_after_a_large_change_does_not_end_it() -> None:
     values = np.full((12, 1), 50.0)
     values[11] = 0.0
-    assert righted_since(values, np.array([50.0])) is None
-    assert righted_since(np.vstack([values, [[0.0]]]), np.array([50.0])) == 11
+    assert returns(np.vstack([values, [[0.0]]]), np.array([50.0]))[-2:] == [None, 11]
+
+
+def test_a_load_costs_the_same_however_long_an_alert_has_been_open() -> None:
+    rng, bank, place = np.random.default_rng(SEED), WatchBank(), WatchedPlace(WatchedSignal("noise"), "A")
+
+    def go(loads: range) -> None:
+        for number in loads:
+            bank.add(LoadValues(number, {place: rng.normal(3.0 * (number > 100), 1, 1)}))
+
+    def most_memory(loads: range) -> int:
+        tracemalloc.start()
+        go(loads)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    go(range(1, 2500))
+    assert len(bank.open) == 1
+    early = most_memory(range(2500, 2520))
+    go(range(2520, 6000))
+    assert most_memory(range(6000, 6020)) <= 1.05 * early
+    assert len(bank.open) == 1
+
+
+def test_an_open_alert_is_estimated_anew_when_a_hundredth_more_loads_came() -> None:
+    rng, bank, place = np.random.default_rng(SEED), WatchBank(), WatchedPlace(WatchedSignal("noise"), "A")
+    seen = []
+    for number in range(1, 701):
+        bank.add(LoadValues(number, {place: rng.normal(3.0 * (number > 100), 1, 1)}))
+        for alert in bank.open:
+            bank.refresh(alert)
+            seen.append(alert.loads)
+    assert abs(alert.begin - 101) <= 1
+    # Each of the first hundred loads, then every second, … every sixth.
+    assert seen[:90] == list(range(seen[0], seen[0] + 90))
+    assert len(set(seen)) < 310
+    assert seen[-1] >= 695
 
 
 def test_other_places_keep_what_they_learnt_when_a_change_is_put_right() -> None:

@@ -7,20 +7,23 @@ gives at most n / ARL false alarms.
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from station.domain.core.types import Floats
 from station.domain.watch import change_point
 from station.domain.watch.change_point import Change
-from station.domain.watch.e_detector import LEARN, RankShares, ShiftDetector, likelihood_ratios
-from station.domain.watch.put_right import righted_since
+from station.domain.watch.e_detector import LEARN, likelihood_ratios
+from station.domain.watch.put_right import ReturnTest
 from station.domain.watch.signals import WatchedSignal
+from station.domain.watch.stream import Stream
 
 DEFAULT_RUN_LENGTH = 1000
 #: Beginnings this many loads apart, or this share of the loads since then, are one change.
 _SAME_LOADS, _SAME_SHARE = 5, 0.25
+#: An open alert is estimated anew when so many more loads came, as a share of those since it began.
+_RENEWED_SHARE = 0.01
 #: Causes whose log likelihoods are this near cannot be told apart.
 _NEAR_NATS = 3.0
 
@@ -41,40 +44,12 @@ class LoadValues:
     values: Mapping[WatchedPlace, Floats]
 
 
-class _Stream:
-    """One component of one place. loads, values: since the last change that was put right."""
-
-    def __init__(self, name: str) -> None:
-        self.loads: list[int] = []
-        self.values: list[float] = []
-        self.ranks, self.detector = RankShares(name), ShiftDetector()
-
-    def add(self, load: int, value: float) -> None:
-        self.loads.append(load)
-        self.values.append(value)
-
-    def rank(self) -> float | None:
-        """The newest value's rank among those before, as a share; None while it only learns."""
-        share = self.ranks.add(self.values[-1])
-        return share if len(self.ranks) > LEARN else None
-
-    def first_after(self, load: int) -> int:
-        """Index of the first value of this load or later."""
-        return int(np.searchsorted(self.loads, load))
-
-    def forget(self, load: int) -> None:
-        """Values from this load on are no longer known, and all evidence is."""
-        keep = self.first_after(load)
-        del self.loads[keep:], self.values[keep:]
-        self.ranks.restart(self.values)
-        self.detector.restart()
-
-
 @dataclass(slots=True, eq=False)
 class Alert:
     """One change. place: the likeliest; others: places that the data cannot tell from it; begin, low, high: loads;
     raised: the load at which it was found; ended: the first load put right, None while it lasts; changes: by component
-    of the place; loads: the newest load in them; watched: (place, component) that alarmed."""
+    of the place; loads: the newest load in them; watched: (place, component) that alarmed; returning: of the components
+    that it shows in, whether they are as before."""
 
     place: WatchedPlace
     others: tuple[WatchedPlace, ...]
@@ -86,6 +61,7 @@ class Alert:
     loads: int
     ended: int | None = None
     watched: set[tuple[WatchedPlace, int]] = field(default_factory=set)
+    returning: ReturnTest | None = None
 
 
 class WatchBank:
@@ -93,7 +69,7 @@ class WatchBank:
 
     def __init__(self, streams: int | None = None, run_length: float = DEFAULT_RUN_LENGTH) -> None:
         self._expected, self.run_length = streams, run_length
-        self._streams: dict[WatchedPlace, list[_Stream]] = {}
+        self._streams: dict[WatchedPlace, list[Stream]] = {}
         self.open: list[Alert] = []
         self.loads = 0
 
@@ -118,7 +94,7 @@ class WatchBank:
         suspended = {key for alert in self.open for key in alert.watched}
         for place, values in load.values.items():
             if place not in self._streams:
-                self._streams[place] = [_Stream(f"{place}/{i}") for i in range(len(values))]
+                self._streams[place] = [Stream(f"{place}/{i}") for i in range(len(values))]
             for stream, value in zip(self._streams[place], values, strict=True):
                 stream.add(load.number, float(value))
         self._test(load, suspended)
@@ -129,12 +105,14 @@ class WatchBank:
         return [alert for alert in raised if alert is not None], ended
 
     def refresh(self, alert: Alert) -> None:
-        """What all loads so far say of it: place, beginning and size."""
-        lead = max(alert.watched, key=lambda key: self._nats(key[0], alert.begin))
-        found = self._find(*lead)
+        """What all loads so far say of it: place, beginning and size; the same as before while they are hardly more."""
+        if self._streams[alert.place][0].loads[-1] - alert.loads < _RENEWED_SHARE * (alert.loads - alert.begin):
+            return
+        place, i = max(alert.watched, key=lambda key: self._nats(key[0], alert.begin))
+        stream = self._streams[place][i]
+        found = _find(stream, stream.first_near(stream.first_after(alert.low)))
         if found is not None:
-            change, stream = found
-            alert.begin, alert.low, alert.high = (stream.loads[i] for i in (change.begin, change.low, change.high))
+            alert.begin, alert.low, alert.high = (stream.loads[i] for i in (found.begin, found.low, found.high))
             self._name(alert)
 
     def _test(self, load: LoadValues, suspended: set[tuple[WatchedPlace, int]]) -> None:
@@ -160,13 +138,12 @@ class WatchBank:
 
     def _raise(self, key: tuple[WatchedPlace, int], load: int) -> Alert | None:
         """A new alert; None where the change belongs to an open one."""
-        found = self._find(*key)
-        if found is None:
+        stream = self._streams[key[0]][key[1]]
+        change = _find(stream, 0)
+        if change is None:
             return None
-        change, stream = found
         begin, low, high = (stream.loads[i] for i in (change.begin, change.low, change.high))
-        stream.ranks.restart(stream.values[: change.begin])
-        stream.detector.restart()
+        stream.changed(change.begin)
         for alert in self.open:
             apart = max(_SAME_LOADS, _SAME_SHARE * (load - alert.begin + 1))
             if low - apart <= alert.begin <= high + apart:
@@ -177,11 +154,6 @@ class WatchBank:
         self.open.append(alert)
         return alert
 
-    def _find(self, place: WatchedPlace, i: int) -> tuple[Change, _Stream] | None:
-        stream = self._streams[place][i]
-        change = change_point.find(stream.values)
-        return None if change is None else (change, stream)
-
     def _name(self, alert: Alert) -> None:
         """The place that the change shows in most, and those near it."""
         nats = {place: self._nats(place, alert.begin) for place in self._streams}
@@ -191,6 +163,7 @@ class WatchBank:
         alert.others = tuple(sorted(near, key=lambda place: -nats[place]))
         alert.changes = self._changes(best, alert.begin)
         alert.loads = self._streams[best][0].loads[-1]
+        alert.returning = None
 
     def _changes(self, place: WatchedPlace, load: int) -> tuple[Change, ...]:
         """Of each component, as from a load on; a drift only where the components' own maximum is one."""
@@ -199,15 +172,16 @@ class WatchBank:
             begin = stream.first_after(load)
             if not 0 < begin < len(stream.values):
                 return ()
-            own = change_point.find(stream.values)
+            first = stream.first_near(begin)
+            own = _find(stream, first)
             drifting = own is not None and own.slope != 0 and abs(own.begin - begin) <= max(_SAME_LOADS, begin // 4)
-            found.append(change_point.at(stream.values, begin, drifting=drifting))
+            found.append(change_point.at(stream.values[first:], begin - first, drifting=drifting))
         return tuple(found)
 
     def _nats(self, place: WatchedPlace, load: int) -> float:
         """Log likelihood ratio of a change in all components there, less what chance gives them."""
         changes = [
-            change_point.at(s.values, begin)
+            change_point.at(*s.near(begin))
             for s in self._streams[place]
             if 1 < (begin := s.first_after(load)) < len(s.values)
         ]
@@ -221,8 +195,11 @@ class WatchBank:
         pairs = zip(self._streams[alert.place], alert.changes, strict=True)
         shown = [(s, c) for s, c in pairs if c.nats >= min(most, _NEAR_NATS)]
         first = shown[0][0].first_after(alert.begin)
-        since = np.array([(np.array(s.values[first:]) - c.before) / c.std for s, c in shown]).T
-        found = righted_since(since, np.array([(c.after - c.before) / c.std for _, c in shown]))
+        if alert.returning is None:
+            alert.returning = ReturnTest(np.array([(c.after - c.before) / c.std for _, c in shown]))
+        begin = first + len(alert.returning)
+        alert.returning.extend(np.array([(s.values[begin:] - c.before) / c.std for s, c in shown]).T)
+        found = alert.returning.righted_since()
         if found is not None:
             alert.ended = shown[0][0].loads[first + found]
         return found is not None
@@ -236,8 +213,18 @@ class WatchBank:
             if place not in held and (place in watched or any(_shows(stream, alert) for stream in streams)):
                 for stream in streams:
                     stream.forget(alert.begin)
+        for other in self.open:
+            other.returning = None
 
 
-def _shows(stream: _Stream, alert: Alert) -> bool:
+def _find(stream: Stream, first: int) -> Change | None:
+    """The likeliest change in the values from the first on; its indices are those of all values."""
+    found = change_point.find(stream.values[first:])
+    if found is None:
+        return None
+    return replace(found, begin=first + found.begin, low=first + found.low, high=first + found.high)
+
+
+def _shows(stream: Stream, alert: Alert) -> bool:
     begin, end = stream.first_after(alert.begin), stream.first_after(alert.ended or alert.begin)
-    return 0 < begin < end and change_point.at(stream.values[:end], begin).nats >= _NEAR_NATS
+    return 0 < begin < end and change_point.at(*stream.near(begin, end)).nats >= _NEAR_NATS

@@ -12,6 +12,8 @@ import numpy as np
 
 from station.domain.core.types import Floats
 
+Values = Sequence[float] | Floats
+
 #: Values before a change without which nothing can be said of it.
 _LEAST_BEFORE = 10
 #: Beyond so many robust standard deviations a value counts no further: one bad unit is no change.
@@ -47,7 +49,7 @@ class Change:
     nats: float
 
 
-def with_spread(values: Sequence[float]) -> tuple[Floats, float]:
+def with_spread(values: Values) -> tuple[Floats, float]:
     """The values, and the robust standard deviation of one of them."""
     x = np.asarray(values, float)
     step = np.diff(x)
@@ -57,7 +59,7 @@ def with_spread(values: Sequence[float]) -> tuple[Floats, float]:
     return x, std
 
 
-def find(values: Sequence[float]) -> Change | None:
+def find(values: Values) -> Change | None:
     """The likeliest change in values of one stream; None while there are too few."""
     x, std = with_spread(values)
     if len(x) <= _LEAST_BEFORE + 1:
@@ -72,7 +74,7 @@ def find(values: Sequence[float]) -> Change | None:
     return at(values, begin, (low, high), drifting=drifting)
 
 
-def at(values: Sequence[float], begin: int, span: tuple[int, int] | None = None, *, drifting: bool = False) -> Change:
+def at(values: Values, begin: int, span: tuple[int, int] | None = None, *, drifting: bool = False) -> Change:
     """The change if it began with value `begin`."""
     x, std = with_spread(values)
     before, after = x[:begin], x[begin:]

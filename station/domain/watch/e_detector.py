@@ -21,8 +21,9 @@ LEARN = 30
 #: A shift is one of Student's t: units scatter with heavier tails than the normal distribution's.
 _FREEDOM = 8
 _SMALLEST = 1e-12
-#: Values in a list of their own before they are merged with all others.
-_NEWEST = 500
+#: Values in a list of their own before they are merged with all others: so many, and such a share of the others, that a
+#: value costs the same however many there are.
+_NEWEST, _NEWEST_SHARE = 500, 0.1
 
 
 class RankShares:
@@ -38,11 +39,15 @@ class RankShares:
 
     def add(self, value: float) -> float:
         """The share of a value among those before it; from then on it is one of them."""
-        lists = self._sorted, self._newest
-        below, up_to = (sum(count(values, value) for values in lists) for count in (bisect_left, bisect_right))
-        share = (below + self._random.random() * (up_to - below + 1)) / (len(self) + 1)
+        below, equal = 0, 0
+        for values in (self._sorted, self._newest):
+            first = bisect_left(values, value)
+            below += first
+            if first < len(values) and values[first] == value:
+                equal += bisect_right(values, value, first) - first
+        share = (below + self._random.random() * (equal + 1)) / (len(self) + 1)
         insort(self._newest, value)
-        if len(self._newest) >= _NEWEST:
+        if len(self._newest) >= max(_NEWEST, _NEWEST_SHARE * len(self._sorted)):
             self.restart(self._sorted + self._newest)
         return min(max(share, _SMALLEST), 1 - _SMALLEST)
 
@@ -70,16 +75,14 @@ class ShiftDetector:
 
     def __init__(self) -> None:
         self._statistics = np.zeros(len(SHIFTS))
-
-    @property
-    def evidence(self) -> float:
-        """n on average after n shares without a change."""
-        return float(self._statistics.sum()) / len(SHIFTS)
+        #: n on average after n shares without a change.
+        self.evidence = 0.0
 
     def add(self, ratios: Floats) -> None:
         """R ← (1 + R) · likelihood ratio for each shift (shifts)."""
         self._statistics = (1 + self._statistics) * ratios
+        self.evidence = float(self._statistics.sum()) / len(SHIFTS)
 
     def restart(self) -> None:
         """Forgets all evidence."""
-        self._statistics = np.zeros(len(SHIFTS))
+        self._statistics, self.evidence = np.zeros(len(SHIFTS)), 0.0

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from station.domain.core.types import Floats
+from station.domain.watch.stream import Rows
 
 #: Log likelihood ratio of "as before" against "still changed" that ends a change; no load counts more than the other.
 _RIGHTED_NATS, _MOST_A_LOAD = math.log(1000), 4.0
@@ -16,34 +17,64 @@ _FREEDOM = 5
 _BACK = np.unique(np.r_[np.arange(1, 31), np.geomspace(30, 2000, 45).astype(int)])
 
 
-def righted_since(values: Floats, after: Floats) -> int | None:
-    """Index of the first value (n, m) that is as before; None while the change lasts. after (m): its level when it was
-    found. All are deviations from the level before, in standard deviations.
+class ReturnTest:
+    """Values (m) since a change began, one after the other. after (m): its level when it was found. All are deviations
+    from the level before, in standard deviations.
 
     "Still changed" may take its level from all loads or from those before the return, whichever fits better: a change
     is found where chance made it large, and at that level its later loads would look half put right.
+
+    A load costs the same however long the change lasts: running sums, and the newest loads.
     """
-    n = len(values)
-    clipped = np.clip(values, np.minimum(after, 0) - _CLIP, np.maximum(after, 0) + _CLIP)
-    total = np.cumsum(clipped, axis=0)
-    level = total[-1] / n
-    returns = n - _BACK[n > _BACK][::-1]
-    if not len(returns):
-        return None
-    own = total[returns - 1] / returns[:, None]  # (r, m): the change's level without the loads since
-    newest = values[returns[0] :]
-    since = np.arange(returns[0], n) >= returns[:, None]
-    as_before = _loss(newest)
-    by_own = (_loss(newest[None] - own[:, None]) - as_before).sum(axis=2)
-    by_all = (_loss(newest - level) - as_before).sum(axis=1)
-    apart = returns * ((own - level) ** 2).sum(axis=1) / 2
-    nats = np.minimum((by_own * since).sum(axis=1), since @ by_all + apart)
-    righted = np.minimum(nats, _MOST_A_LOAD * (n - returns)) >= _RIGHTED_NATS
-    if righted.any():
-        return int(returns[np.where(righted, nats, -math.inf).argmax()])
-    # Less is left of it than chance gives so many components: it was none, or is long over.
-    gone = n * float(level @ level) < values.shape[1]
-    return int(returns[nats.argmax()]) if gone else None
+
+    def __init__(self, after: Floats) -> None:
+        self._low, self._high = np.minimum(after, 0) - _CLIP, np.maximum(after, 0) + _CLIP
+        self._values, self._loss, self._total = Rows(len(after)), Rows(len(after)), Rows(len(after))
+        self._sum = np.zeros(len(after))
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def extend(self, values: Floats) -> None:
+        """Values (n, m) more."""
+        for row, loss in zip(values, _loss(values), strict=True):
+            self._sum = self._sum + np.clip(row, self._low, self._high)
+            self._values.add(row)
+            self._loss.add(loss)
+            self._total.add(self._sum)
+
+    def righted_since(self) -> int | None:
+        """Index of the first value that is as before; None while the change lasts."""
+        n = len(self)
+        returns = n - _BACK[n > _BACK][::-1]
+        if not len(returns):
+            return None
+        level = self._sum / n
+        own = self._total.array[returns - 1] / returns[:, None]  # (r, m): the change's level without the loads since
+        nats = self._by_all(returns, level) + returns * ((own - level) ** 2).sum(axis=1) / 2
+        most = _MOST_A_LOAD * (n - returns)
+        open_yet = np.minimum(nats, most) >= _RIGHTED_NATS
+        # Less is left of it than chance gives so many components: it was none, or is long over.
+        gone = n * float(level @ level) < len(level)
+        if not open_yet.any() and not gone:
+            return None
+        nats = np.minimum(nats, self._by_own(returns, own))
+        righted = np.minimum(nats, most) >= _RIGHTED_NATS
+        if righted.any():
+            return int(returns[np.where(righted, nats, -math.inf).argmax()])
+        return int(returns[nats.argmax()]) if gone else None
+
+    def _by_all(self, returns: Floats, level: Floats) -> Floats:
+        """Log likelihood ratio (r) over the values since each return, against this level."""
+        first = int(returns[0])
+        gain = (_loss(self._values.array[first:] - level) - self._loss.array[first:]).sum(axis=1)
+        return np.asarray(np.cumsum(gain[::-1])[::-1][returns - first])
+
+    def _by_own(self, returns: Floats, own: Floats) -> Floats:
+        """The same against a level (r, m) for each return."""
+        newest, as_before = self._values.array, self._loss.array
+        pairs = zip(returns, own, strict=True)
+        return np.array([float((_loss(newest[r:] - level) - as_before[r:]).sum()) for r, level in pairs])
 
 
 def _loss(apart: Floats) -> Floats:
