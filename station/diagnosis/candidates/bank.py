@@ -105,12 +105,18 @@ class Candidate:
         unit[self.code], place[self.code] = layout.unit, self.local_codes(layout)[0]
         return unit, place
 
-    def rows(self, layout: RowLayout) -> DataColumns:
-        """Columns laid out by unit, one set a group."""
+    def rows(self, layout: RowLayout, chosen: NDArray[np.intp] | None = None) -> DataColumns:
+        """Columns laid out by unit, one set a group; chosen: which groups alone, counted within a unit where they
+        belong to one."""
         code, groups = self.local_codes(layout)
-        return layout.rows(
-            _by_group(self.stop, code, groups), None if self.dwell is None else _by_group(self.dwell, code, groups)
-        )
+        if chosen is not None and len(chosen) < groups:
+            # Those of all other groups go to a place of their own, which is cut off.
+            place = np.full(groups, len(chosen))
+            place[chosen] = np.arange(len(chosen))
+            code, groups = place[code].astype(np.int32), len(chosen) + 1
+        columns = None if chosen is None else len(chosen) * self.axes
+        inside = None if self.dwell is None else _by_group(self.dwell, code, groups)[..., :columns]
+        return layout.rows(_by_group(self.stop, code, groups)[..., :columns], inside)
 
     def select_visits(self, chosen: NDArray[np.bool_]) -> "Candidate":
         """The same at some of the stops."""

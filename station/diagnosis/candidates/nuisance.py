@@ -120,22 +120,18 @@ def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColum
     """Columns of the groups that act, and their places counted from 0."""
     c = item.candidate
     axes = np.arange(c.axes)
-    rows = c.rows(view.layout)
     if c.of not in PER_UNIT_LEVELS:
         chosen = np.flatnonzero(item.hit)
         number = np.full(len(c.names), -1)
         number[chosen] = np.arange(len(chosen))
         column = np.where(item.hit[:, None], number[:, None] * c.axes + axes, -1)
-        return rows.only((chosen[:, None] * c.axes + axes).ravel()), CoefficientIndex(
-            own=False, unit=np.zeros_like(column), column=column
-        )
+        return c.rows(view.layout, chosen), CoefficientIndex(own=False, unit=np.zeros_like(column), column=column)
     unit, first = c.where(view.layout)
     used = np.unique(first[item.hit])
     number = np.full(int(first.max()) + 1, -1)
     number[used] = np.arange(len(used))
     column = np.where(item.hit[:, None], number[first][:, None] * c.axes + axes, -1)
-    rows = rows.only((used[:, None] * c.axes + axes).ravel())
-    return _zero_inactive(rows, unit, column), CoefficientIndex(
+    return _zero_inactive(c.rows(view.layout, used), unit, column), CoefficientIndex(
         own=True, unit=np.repeat(unit[:, None], c.axes, 1), column=column
     )
 

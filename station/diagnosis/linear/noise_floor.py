@@ -147,7 +147,7 @@ def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats
     rows = np.concatenate(
         [turn, project, np.broadcast_to(1 / precision, shape), np.broadcast_to(steps[:, None, None], shape)], axis=2
     )
-    kinds, member = np.unique(np.round(grid.spread(rows), 7).reshape(U * R, -1), axis=0, return_inverse=True)
+    kinds, member = _kinds_of_runs(np.round(grid.spread(rows), 7).reshape(U * R, -1))
     kinds = kinds.reshape(len(kinds), V, k, 8)
     so_far = np.maximum.accumulate(kinds[..., 0, 7], axis=1)
     step = np.diff(so_far, axis=1, prepend=0.0)
@@ -162,6 +162,14 @@ def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats
     s = size * k
     inside, white = inside.reshape(*inside.shape[:2], s, s), white.reshape(*white.shape[:2], s)
     return FloorStructure(white, turned, walk, step, taken, inside, pad, member.reshape(U, R))
+
+
+def _kinds_of_runs(runs: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Rows (n, ·) that differ, and which of them each is; compared as bytes, as a run may have many numbers."""
+    runs = runs + 0.0  # Zeros of one sign.
+    place: dict[bytes, int] = {}
+    member = np.array([place.setdefault(run.tobytes(), len(place)) for run in runs], np.intp)
+    return runs[np.unique(member, return_index=True)[1]], member
 
 
 @dataclass(frozen=True, slots=True, eq=False)
