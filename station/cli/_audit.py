@@ -38,8 +38,8 @@ class AuditRequest:
 
 def run_audit(log: "LogReader", request: AuditRequest, *, as_json: bool) -> int:
     """Prints the answer; the exit code. Errors: LogError, UsageError."""
-    if (request.key or request.known) and not request.verify:
-        raise UsageError("audit-needs-verify")
+    if request.limit is not None and not request.lists:
+        raise UsageError("audit-limit-of-list")
     document: dict[str, Any] = {"schema": "station.audit/1", "log": log.location, "head": asdict(log.head())}
     if request.verify:
         document["verify"] = _verify(log, request)

@@ -136,6 +136,8 @@ def _edition(found: Edition, stated: str) -> Edition:
     """With what a person says that it changes, where the log of an older version does not know what it replaces.
     Errors: UsageError."""
     if not found.replaces or found.changed:
+        if stated:
+            raise UsageError("certificate-change-known")
         return found
     parts = tuple(part.strip() for part in stated.split(",") if part.strip())
     if not parts or not set(parts) <= set(facts.PARTS):

@@ -24,10 +24,12 @@ def recover_unit(order: RunOrder, serial: str, nest: str | None, how: str | None
     with open_bench(order) as bench:
         for sentence in bench.notices:
             _output.print_remark(sentence)
+        seat = _seat(bench, serial, nest)
         suspect = bench.station.store.suspect(serial)
         if suspect is None:
             return _nothing_open(bench, serial, as_json=as_json)
-        unit = _unit(bench, serial, nest, suspect.attempt)
+        bench.fixture.place([seat])
+        unit = Unit(seat, suspect.attempt, bench.station.device(seat.node), bench.station.clock.monotonic_s())
         identify_for_recovery(unit, bench.job)
         state = recovery.read_device_state(unit, suspect, bench.station)
         if how is not None:
@@ -53,11 +55,10 @@ def _nothing_open(bench: Bench, serial: str, *, as_json: bool) -> int:
     return 0
 
 
-def _unit(bench: Bench, serial: str, nest: str | None, attempt: str) -> Unit:
+def _seat(bench: Bench, serial: str, nest: str | None) -> NestAssignment:
+    """Where the unit sits. Errors: UsageError for a nest that config.yaml does not have."""
     nests = {n.name: n for n in bench.station.settings.nests}
     name = nest or next(iter(nests))
     if name not in nests:
         raise UsageError("unknown-nest", nest=name[:40], nests=tuple(nests))
-    seat = NestAssignment(serial, name, nests[name].node)
-    bench.fixture.place([seat])
-    return Unit(seat, attempt, bench.station.device(seat.node), bench.station.clock.monotonic_s())
+    return NestAssignment(serial, name, nests[name].node)

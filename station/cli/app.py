@@ -184,7 +184,9 @@ def _run(name: str, args: list[str]) -> int:
 
     command = _command(name)
     if "--help" not in args:
-        _check_belonging(name, args)
+        from station.cli._belonging import check_belonging
+
+        check_belonging(name, _module(name), args)
     try:
         code = command.main(args, prog_name=f"station {name}", standalone_mode=False)
     except typer.TyperException as exc:
@@ -196,16 +198,6 @@ def _run(name: str, args: list[str]) -> int:
     if code == _INTERRUPTED:
         raise Aborted("stopped-by-operator")
     return int(code or 0)
-
-
-def _check_belonging(name: str, args: list[str]) -> None:
-    """UsageError for an option that this call would not read: it goes with another action or option."""
-    goes_with: dict[str, tuple[str, ...]] = getattr(_module(name), "GOES_WITH", {})
-    words = {word.partition("=")[0] for word in args}
-    for option in (option for option in goes_with if option in words and not words & {*goes_with[option]}):
-        partners = " / ".join(goes_with[option])
-        why = Message("option-wrong", option=option, reason=Message("option-goes-with", partners=partners))
-        raise UsageError("command-line-wrong", command=name, why=why)
 
 
 def _help(function: Callable[..., Any]) -> str:

@@ -7,6 +7,11 @@ from typer import Argument, Option
 
 from station.cli._options import AsJson, ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--key": ("--verify",), "--head": ("--verify",)}
+#: Options that none of these words may stand beside.
+APART = dict.fromkeys(("--verify", "--recompute", "--limit", "--key", "--head", "--json"), ("--bundle",))
+
 
 def command(
     serial: Annotated[str | None, Argument(help="Serial number of a unit; * and ? stand for others.")] = None,

@@ -7,6 +7,9 @@ from typer import Option
 
 from station.cli._options import AsJson, ConfigPath
 
+#: Options that none of these words may stand beside: a source that is named needs no settings.
+APART = {"--config": ("--db",)}
+
 
 def command(
     recipe: Annotated[str, Option(help="The changed recipe: a file, or its name in recipes/.")],

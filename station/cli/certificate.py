@@ -8,7 +8,11 @@ from typer import Argument, Option
 from station.cli._options import ConfigPath, LogPath
 
 #: Options that only go with one of these words.
-GOES_WITH = {"--key": ("--check",), "--sign-key": ("--xml",), "--sign-cert": ("--xml",)}
+GOES_WITH = {
+    "--key": ("--check",), "--sign-key": ("--xml",), "--sign-cert": ("--xml",), "--dcc-version": ("--xml",),
+}  # fmt: skip
+#: Options that none of these words may stand beside.
+APART = {"--attempt": ("--check",), "--language": ("--check",), "--changed": ("--check",)}
 
 
 def command(

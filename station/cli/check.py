@@ -7,6 +7,9 @@ from typer import Argument, Option
 
 from station.cli._options import AsJson, ConfigPath
 
+#: Options that none of these words may stand beside.
+APART = {"--design": ("--product",), "--order": ("--product",), "--config": ("--product",), "--db": ("--product",)}
+
 
 def command(
     recipe: Annotated[str | None, Argument(help="Recipe: a file, or its name in recipes/.")] = None,

@@ -14,6 +14,9 @@ GOES_WITH = {
     "--into": ("--write-hypothesis",),
 }
 
+#: Options that none of these words may stand beside.
+APART = {"--json": ("--markdown", "--write-hypothesis"), "--markdown": ("--write-hypothesis",)}
+
 
 def command(
     json: AsJson = False,

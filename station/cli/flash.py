@@ -7,6 +7,9 @@ from typer import Argument, Option
 
 from station.cli._options import AsJson, ConfigPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--device-state": ("--simulate",)}
+
 
 def command(
     image: Annotated[Path, Argument(help="What the image is and for which devices: a station.firmware/1 file.")],

@@ -7,6 +7,10 @@ from typer import Option
 
 from station.cli._options import ConfigPath, LogPath
 
+_OF_A_SHIFT = ("--recipe", "--simulate", "--loads", "--fault", "--device-state", "--seed", "--operator", "--lot")
+#: Options that none of these words may stand beside.
+APART = dict.fromkeys((*_OF_A_SHIFT, "--clear", "--json"), ("--send", "--serve")) | {"--serve": ("--send",)}
+
 
 def command(
     recipe: Annotated[str | None, Option(help="Recipe: a file, or its name in recipes/.")] = None,

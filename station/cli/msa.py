@@ -7,6 +7,17 @@ from typer import Argument, Option
 
 from station.cli._options import AsJson, ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {
+    "--repeats": ("type1", "bias"), "--reference": ("type1", "bias"), "--tolerance": ("type1", "grr"),
+    "--trials": ("grr",), "--nests": ("grr",), "--k-percent": ("type1",), "--spread": ("type1",),
+    "--resolution": ("type1",), "--seed": ("--simulate",),
+}  # fmt: skip
+#: Options that none of these words may stand beside: a table has its readings already.
+APART = dict.fromkeys(("--serial", "--repeats", "--trials", "--nests", "--simulate"), ("--samples",)) | {
+    "--run": ("--samples", "--simulate")
+}
+
 
 def command(
     study: Annotated[str, Argument(help="type1, grr, bias or linearity.")],

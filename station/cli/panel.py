@@ -9,6 +9,11 @@ from station.cli._options import ConfigPath, LogPath
 
 #: Options that only go with one of these words.
 GOES_WITH = {"--role": ("--add",)}
+#: Options that none of these words may stand beside.
+APART = dict.fromkeys(
+    ("--recipe", "--simulate", "--pace", "--fault", "--host", "--port", "--host-name", "--proxy", "--secure"),
+    ("--add", "--remove"),
+)
 
 
 def command(
@@ -16,7 +21,7 @@ def command(
     config: ConfigPath = None,
     db: LogPath = None,
     simulate: Annotated[bool, Option("--simulate", help="Runs from the page are simulated ones.")] = False,
-    pace: Annotated[float, Option(min=0.01, help="With --simulate: so many times real time.")] = 1.0,
+    pace: Annotated[float | None, Option(min=0.01, help="With --simulate: so many times real time.")] = None,
     fault: Annotated[
         list[str] | None, Option(help="With --simulate: what is wrong with a device, [SERIAL/]KIND[:key=value,...].")
     ] = None,
@@ -64,7 +69,8 @@ def command(
     if by is not None:
         raise UsageError("panel-by-alone")
     simulated = simulate or rehearsing(config)
-    if fault and not simulated:
-        raise UsageError("option-needs-simulate", option="--fault")
+    for option, given in (("--fault", fault), ("--pace", pace)):
+        if given and not simulated:
+            raise UsageError("option-needs-simulate", option=option)
     listen = _panel.ListenAddress(host, port, secure, tuple(host_name or ()), proxy)
-    return _panel.serve(where, listen, pace=pace if simulated else None, faults=tuple(fault or ()))
+    return _panel.serve(where, listen, pace=(pace or 1.0) if simulated else None, faults=tuple(fault or ()))

@@ -7,6 +7,11 @@ from typer import Argument, Option
 
 from station.cli._options import AsJson
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--out": ("--dbc",)}
+#: Options that none of these words may stand beside.
+APART = {"--recipe": ("--dbc",), "--marks": ("--dbc",)}
+
 
 def command(
     log: Annotated[Path, Argument(help="CAN log: .log (candump), .blf, .asc or .mf4.")],

@@ -6,6 +6,11 @@ from typer import Option
 
 from station.cli._options import ConfigPath, LogPath
 
+#: Options that only go with one of these words.
+GOES_WITH = {"--json": ("--once", "--status")}
+#: Options that none of these words may stand beside.
+APART = {"--once": ("--status",)}
+
 
 def command(
     once: Annotated[bool, Option("--once", help="Ship what there is, then end.")] = False,

@@ -18,6 +18,8 @@ def raw_tables(path: Path, dbc: Path | None) -> list[RawTable]:
     if path.suffix.lower() in (".blf", ".asc") and path.is_file():
         raise UsageError("frames-need-dbc", file=str(path))
     tables = read_tables(path)
+    if tables and dbc is not None:
+        raise UsageError("dbc-without-frames", file=str(path))
     if tables:
         return [part for table in tables for part in decoded.of_long_form(table)]
     if dbc is None:

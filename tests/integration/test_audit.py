@@ -142,8 +142,8 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
     [
         (["SN9999"], "holds no such attempt of serial 'SN9999'"),
         (["--since", "yesterday"], "--since 'yesterday' is not a time; write 2026-11-21"),
-        (["--head", "5:ab"], "--head wants NUMBER:HASH"),
-        (["--head", f"5:{'a' * 64}"], "add --verify"),
+        (["--verify", "--head", "5:ab"], "--head wants NUMBER:HASH"),
+        (["--head", f"5:{'a' * 64}"], "--head goes with --verify only"),
         (["--limit", "0"], "--limit"),
         (["--outcome", "passed"], "'passed' is not an outcome; choose one of PASS, FAIL"),
         (["--verify", "--key", "none.pem"], "none.pem cannot be read (no such file or folder)"),
