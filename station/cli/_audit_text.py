@@ -110,7 +110,7 @@ def _show_attempt(number: int, a: Document) -> None:
         print_line("  identity " + ", ".join(f"{k} {v}" for k, v in results["identity"].items()))
     _show_visits(a["visits"])
     if "dwell" in results:
-        lasted_s, alone_s = (sum(results["dwell"][key]) for key in ("dwell_s", "alone_s"))
+        lasted_s, alone_s = (sum(results["dwell"].get(key) or ()) for key in ("dwell_s", "alone_s"))
         known = (results["dwell"].get("prior") or {}).get("units", 0)
         print_line(
             f"  dwells until good enough: {lasted_s:.1f} s; this unit alone needed {alone_s:.1f} s of its own noise"
@@ -145,16 +145,18 @@ def _show_visits(visits: Sequence[Document]) -> None:
 def _show_calibration(found: Document | None) -> None:
     if found is None:
         return
-    print_line(f"  calibration: {found['outcome']} by its limits")
-    for reason in [*found["reasons"], *found["notes"]]:
+    print_line(f"  calibration: {_cell(found.get('outcome'))} by its limits")
+    for reason in [*(found.get("reasons") or ()), *(found.get("notes") or ())]:
         print_line(f"    {reason}")
-    if found["offset"] is None:
+    offset, matrix, rms = (found.get(name) for name in ("offset", "matrix", "residual_rms"))
+    if offset is None or matrix is None:
         return
-    std = [max(found["covariance"][i][i] or 0.0, 0.0) ** 0.5 for i in range(12)]
     names = [f"offset {a}" for a in "xyz"] + [f"matrix {i}{j}" for i in "xyz" for j in "xyz"]
-    values = [*found["offset"], *(v for row in found["matrix"] for v in row)]
-    rows = [[n, f"{v:+.7f}", f"{s:.2g}"] for n, v, s in zip(names, values, std, strict=True)]
-    title = f"measured = matrix · true + offset, residual rms {found['residual_rms']:.3g}"
+    values = [*offset, *(v for row in matrix for v in row)]
+    variances = [row[i] for i, row in enumerate(found.get("covariance") or ())] or [None] * len(values)
+    std = ["-" if variance is None else f"{max(variance, 0.0) ** 0.5:.2g}" for variance in variances]
+    rows = [[n, f"{v:+.7f}", s] for n, v, s in zip(names, values, std, strict=False)]
+    title = "measured = matrix · true + offset" + (f", residual rms {rms:.3g}" if rms is not None else "")
     print_rows(title, ("name", "value", "std"), rows)
 
 
@@ -168,16 +170,18 @@ def _show_writes(writes: Sequence[Document]) -> None:
 def _show_verification(found: Document | None) -> None:
     if found is None:
         return
-    rows = [[p["name"], p["mean"], p["true"], p["error"]] for p in found["positions"]]
-    title = f"verified through its own output, limit {_cell(found['limit'])}"
-    print_rows(title, ("position", "mean", "true", "error"), rows)
+    columns = ("name", "mean", "true", "error")
+    rows = [[p.get(c) for c in columns] for p in found.get("positions") or ()]
+    title = f"verified through its own output, limit {_cell(found.get('limit'))}"
+    print_rows(title, ("position", *columns[1:]), rows)
 
 
 def _show_verdict(found: Document | None) -> None:
     if found is None:
         return
-    print_line(f"  verdict {found['outcome']}, written {_cell(found['written'])}, verified {_cell(found['verified'])}")
-    if found["rule"]:
-        print_line(f"    rule {found['rule']}; false accept {_cell(found['false_accept'])}")
-    for reason in found["reasons"]:
-        print_line(f"    {reason['check']}: {reason['sentence']}")
+    outcome, written, verified = (_cell(found.get(name)) for name in ("outcome", "written", "verified"))
+    print_line(f"  verdict {outcome}, written {written}, verified {verified}")
+    if found.get("rule"):
+        print_line(f"    rule {found['rule']}; false accept {_cell(found.get('false_accept'))}")
+    for reason in found.get("reasons") or ():
+        print_line(f"    {reason.get('check', '')}: {reason.get('sentence', '')}")

@@ -13,6 +13,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pyarrow import parquet
 
+from station.cli._audit_text import print_audit
 from tests.fakes import fixture_run, logs
 from tests.fakes.command import station
 
@@ -55,6 +56,18 @@ def test_a_life_is_readable_too(db: Path, capsys: Out) -> None:
     sentences = capsys.readouterr().out
     for part in ("1. SN0003: FAIL", "2. SN0003: PASS", "beyond 1e-06", "2101:01", "verify-tilt", "sealed", "head of"):
         assert part in sentences
+
+
+def test_a_life_is_readable_whatever_an_older_version_did_not_record(db: Path, capsys: Out) -> None:
+    life = requested(capsys, "audit", "SN0003", "--db", db)
+    for attempt in life["attempts"]:
+        for result in attempt["results"]:
+            whole = result["document"]
+            for missing in whole:
+                result["document"] = {key: value for key, value in whole.items() if key != missing}
+                print_audit(life)
+                assert "head of" in capsys.readouterr().out, (result["name"], missing)
+            result["document"] = whole
 
 
 def test_calibrations_come_out_again_bit_for_bit(db: Path, capsys: Out) -> None:
