@@ -87,7 +87,10 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     visits = stored_visits(record["visits"], reader.frames(attempt))
     result = refit_attempt(attempt, visits, recipe, (product, layout), record)
     again = json.loads(plain_json.document(calibration_document.unit(result)))
-    leave = _WORDS if stored.get("rules") == uncertainty.RULES else _WORDS | _BY_RULES
+    same_rules = stored.get("rules") == uncertainty.RULES
+    if not same_rules and _left_out(stored) != _left_out(again):
+        return Recomputed(attempt.attempt, attempt.serial, 0, (), "rules of another edition left out other readings")
+    leave = _WORDS if same_rules else _WORDS | _BY_RULES
     before, after = ({k: v for k, v in document.items() if k not in leave} for document in (stored, again))
     before, after = dict(_leaves("", before)), dict(_leaves("", after))
     names = {**before, **after}
@@ -95,6 +98,12 @@ def recompute(reader: LogReader, attempt: Attempt) -> Recomputed:
     deviation = _deviation(before, after, different)
     same = stored.get("arithmetic") == arithmetic.fingerprint()
     return Recomputed(attempt.attempt, attempt.serial, len(names), different, "", deviation, same)
+
+
+def _left_out(fit: Mapping[str, Any]) -> int:
+    """How many readings were left out, by the note that says so."""
+    notes = (note for note in fit.get("note_messages", ()) if note["id"] == "readings-left-out")
+    return sum(note["left_out"] for note in notes)
 
 
 def _deviation(before: Mapping[str, Any], after: Mapping[str, Any], names: Iterable[str]) -> float | None:

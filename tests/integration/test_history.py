@@ -11,7 +11,8 @@ from station.cli.app import main
 from station.domain.methods import coefficients, uncertainty
 from station.domain.records import stored_attempt
 from station.domain.run.progress import Event, LoadStarted
-from station.ports.log_reader import Query
+from station.messages import Message
+from station.ports.log_reader import Attempt, Query
 from station.ports.store import AttemptStart
 from station.service.recompute import recompute
 from station.service.stop_request import StopRequest
@@ -82,6 +83,26 @@ def test_the_refit_knows_what_the_run_knew(ran: fixture_run.Ran) -> None:
         own = next(a for a in log.attempts(Query(serial=GOLDEN)) if a.software != SOFTWARE)
         found = recompute(log, own)
     assert found.compared > 500 and found.identical
+
+
+class OlderRules(SqliteLogReader):
+    """The log as an older version wrote it, which left out readings that this one does not."""
+
+    def attempt(self, attempt: Attempt) -> dict[str, Any]:
+        """The record."""
+        record = super().attempt(attempt)
+        fit = stored_attempt.result(record, "calibration")
+        note = Message("readings-left-out", left_out=3, count=600, place="", left_out_there=3, count_there=100)
+        fit |= {"rules": uncertainty.RULES - 1, "note_messages": [note.document()]}
+        fit["offset"][0] += 1e-5
+        return record
+
+
+def test_readings_that_older_rules_left_out_are_no_forgery(ran: fixture_run.Ran) -> None:
+    with OlderRules(ran.folder / "station.db") as log:
+        own = next(a for a in log.attempts(Query(serial=GOLDEN)) if a.software != SOFTWARE)
+        found = recompute(log, own)
+    assert found.identical and "left out other readings" in found.skipped
 
 
 def test_a_backtest_judges_by_what_the_run_had_learnt(ran: fixture_run.Ran, capsys: pytest.CaptureFixture[str]) -> None:

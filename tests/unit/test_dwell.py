@@ -94,6 +94,19 @@ def test_gaussian_readings_are_hardly_ever_left_out(rng: np.random.Generator) ->
     assert measured(rng.standard_normal((200, 6, 100, 3))).rejected.sum() <= 3
 
 
+@pytest.mark.parametrize("noise_steps", [0.2, 0.35, 0.5, 0.6, 0.74, 1.0])
+def test_coarse_readings_are_left_out_no_more_than_fine_ones(rng: np.random.Generator, noise_steps: float) -> None:
+    """Half of them may read the same, so that their median deviation is nothing; a spike of twenty steps still is one,
+    in dwells that have another step to tell it by."""
+    lsb = 1e-3
+    x = rng.uniform(-1, 1, (200, 6, 1, 3)) + noise_steps * lsb * rng.standard_normal((200, 6, 100, 3))
+    x = lsb * np.round(x / lsb)
+    clean = measured(x)
+    assert not clean.rejected.any()
+    x[:, :, 50, 1] += 20 * lsb
+    assert (measured(x).rejected == 1)[clean.std[:, 1] > 0.15 * lsb].all()
+
+
 def test_a_noisier_dwell_has_a_variance_of_its_own(rng: np.random.Generator) -> None:
     x = rng.standard_normal((40, 8, 100, 3))
     x[:, 3] *= 10

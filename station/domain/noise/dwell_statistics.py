@@ -152,9 +152,10 @@ def deviations(x: Floats, least: Floats) -> tuple[Floats, Floats, Ints]:
     and how many readings (d) were kept. least (d, 3): see least_step."""
     n = x.shape[2]
     off = np.abs(x - np.median(x, axis=2, keepdims=True))
-    scale = 1.4826 * np.median(off, axis=2, keepdims=True)
-    # Coarse readings may have no median deviation at all; two steps are never far.
-    bound = OUTLIER_SIGMA * (1 + 8 / n) * scale + 2 * np.where(np.isfinite(least), least, 0.0)[..., None]
+    step = np.where(np.isfinite(least), least, 0.0)[..., None]
+    # Coarse readings may have no median deviation at all: half lie within half a step, by noise of .74 steps at most.
+    scale = 1.4826 * np.maximum(np.median(off, axis=2, keepdims=True), step / 2)
+    bound = OUTLIER_SIGMA * (1 + 8 / n) * scale + 2 * step
     keep = (off <= bound).all(axis=1, keepdims=True)
     accepted = keep.sum(axis=2, keepdims=True)
     mean = np.where(keep, x, 0.0).sum(axis=2, keepdims=True) / accepted
