@@ -5,6 +5,9 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+#: Options that none of these words may stand beside.
+APART = {"--units": ("--runs",)}
+
 
 def command(
     files: Annotated[list[Path], Argument(help="CSV, TSV, other text, .mat, .parquet, .mf4; CAN logs with --dbc.")],
