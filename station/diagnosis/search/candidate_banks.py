@@ -12,6 +12,7 @@ from station.diagnosis.candidates.bank import (
     disturbed_readings,
     is_testable,
 )
+from station.diagnosis.candidates.free_visits import says_nothing
 from station.diagnosis.data.residuals import ResidualView
 
 #: Where two simulations differ by less than this share of the stimulus a cause looks alike in both, but for that share.
@@ -35,7 +36,8 @@ def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
     """Every cause and kernel that these data could show."""
     effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
     items = [c for e in effects for c in candidates(e, view)]
-    return (*items, *generic.kernel_candidates(view), *disturbed_readings(view))
+    items = [*items, *generic.kernel_candidates(view), *disturbed_readings(view)]
+    return tuple(c for c in items if not says_nothing(c, view))
 
 
 def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
