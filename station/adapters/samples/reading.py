@@ -22,6 +22,7 @@ from station.adapters.samples.columns import (
     kind_of,
     type_of,
 )
+from station.adapters.samples.gathering import gather
 from station.domain.core.types import Labels, SampleTable
 from station.errors import SamplesError
 from station.files.limited_process import memory_ceiling
@@ -40,13 +41,15 @@ PORTION = 100_000
 MOST_UNFOLDING, LEAST_UNFOLDED = 50, 64_000_000
 #: Bytes that one piece may take while it is read.
 MOST_MEMORY = 400 << 20
+#: Room for rows beside those that a file seems to have, and the most that is made at once.
+ROOM, MOST_ROOM = 1.05, 20_000_000
 
 
 def read_samples(path: Path) -> SampleTable:
     """The whole table. Errors: SamplesError with file, row, column and remedy."""
     import pyarrow as pa
 
-    table = join(list(pieces(path)))
+    table = gather(pieces(path), min(int(ROOM * rows_about(path)), MOST_ROOM))
     # Arrow keeps what it has freed: as much again as a fleet's table.
     pa.default_memory_pool().release_unused()
     return table
