@@ -105,7 +105,7 @@ CERTIFIED = ("--value", "gain z=1:0.1")
         (("SN0042\n", *CERTIFIED), "printable characters"),
         (("SN" + "0" * 70, *CERTIFIED), "printable characters"),
         (("", *CERTIFIED), "printable characters"),
-        (("SN09001", *CERTIFIED), "one device number"),
+        (("SN09001", *CERTIFIED), "the same device number"),
         (("SN0002", *CERTIFIED, "--recipe", "no-such"), "no-such"),
         (("SN0002", "--recipe", "six-point"), "--value"),
         (("SN0002", *CERTIFIED, "--bad"), "--bad does not go with --value"),

@@ -55,7 +55,7 @@ def test_a_new_product_passes_on_the_rehearsal_bench_by_one_command_and_no_edit(
 def test_it_never_writes_over_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["init", "one", "--no-run"]) == 0
     before = {p: p.read_bytes() for p in here.rglob("*") if p.is_file()}
-    with pytest.raises(UsageError, match=r"dbc/one.yaml, .* exists and is never written over"):
+    with pytest.raises(UsageError, match=r"dbc/one.yaml, .* is there already, and init overwrites nothing"):
         run_command(["init", "one", "--no-run"])
     assert {p: p.read_bytes() for p in here.rglob("*") if p.is_file()} == before
 
@@ -77,7 +77,7 @@ def test_in_a_pipe_it_asks_nothing_and_answers_in_json(here: Path, capsys: pytes
     [
         (["--eds", str(SHIPPED / "gyroscope.dbc")], "gyroscope.dbc"),
         (["--dbc", "nowhere.dbc"], "nowhere.dbc cannot be read"),
-        (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "thermometer"], "no draft for the sensor"),
+        (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "thermometer"], "no draft for sensor"),
         (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--sensor", "magnetometer"], "no message whose signals x, y and z"),
         (["--dbc", str(SHIPPED / "gyroscope.dbc"), "--message", "NONE"], "NONE"),
         (["--dbc", str(SHIPPED / "gyroscope.yaml")], "gyroscope.yaml"),

@@ -54,7 +54,7 @@ def test_an_encrypted_key_opens_with_its_passphrase_alone(tmp_path: Path, monkey
     file = key_file(tmp_path / "station.key", b"correct horse")
     for wrong in ("", "battery staple"):
         monkeypatch.setenv("STATION_KEY_PASSPHRASE", wrong)
-        with pytest.raises(ConfigError, match="is encrypted and did not open"):
+        with pytest.raises(ConfigError, match="is encrypted and could not be opened"):
             signer_of(str(file))
     monkeypatch.setenv("STATION_KEY_PASSPHRASE", "correct horse")
     signer = signer_of(str(file))
@@ -165,9 +165,9 @@ def test_a_key_that_never_leaves_its_module_signs_the_log(
         logs.unit(store)
     assert found(path, signer.public_key) == []
     for wrong, sentence in (
-        ("pkcs11:object=log", "names no key"),
-        ("pkcs11:token=other;object=log", "does not give key"),
-        ("pkcs11:token=line;object=other", "does not give key"),
+        ("pkcs11:object=log", "does not name a key"),
+        ("pkcs11:token=other;object=log", "does not give out key"),
+        ("pkcs11:token=line;object=other", "does not give out key"),
     ):
         with pytest.raises(ConfigError, match=sentence):
             signer_of(wrong)

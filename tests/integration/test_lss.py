@@ -125,14 +125,14 @@ def test_a_slave_that_selects_itself_early_is_reported_and_gets_nothing(labelled
 @pytest.mark.parametrize("labelled", [True, False])
 def test_a_slave_that_answers_twice_is_reported_and_gets_nothing(labelled: bool) -> None:
     fleet = Fleet([Member(identity(5), fault="lss-twice")])
-    with pytest.raises(BusFault, match="Two answers came to one LSS command"):
+    with pytest.raises(BusFault, match=r"One LSS command .* got two answers"):
         fleet.commission(seats_of(NODES[:1], [identity(5) if labelled else None]))
     assert fleet.node_ids() == []
 
 
 def test_two_devices_of_one_identity_are_reported() -> None:
     fleet = Fleet([Member(identity(5)), Member(identity(5))])
-    with pytest.raises(BusFault, match="Two answers"):
+    with pytest.raises(BusFault, match="got two answers"):
         fleet.commission(seats_of(NODES[:2], [identity(5), None]))
     assert fleet.node_ids() == []
 
@@ -235,7 +235,7 @@ def test_the_command_addresses_a_fixture_and_finds_it_addressed(
     [
         (["--serial", "SN1"], "1 serials and 0 nests"),
         (["--serial", "SN1", "--nest", "Z"], "There is no nest Z; config.yaml has A, B, C, D"),
-        (["--serial", "SN1", "--nest", "A", "--serial", "SN2", "--nest", "A"], "One value of --nest was given twice"),
+        (["--serial", "SN1", "--nest", "A", "--serial", "SN2", "--nest", "A"], "--nest was given the same value twice"),
         (["--serial", "none", "--nest", "A"], "none"),
     ],
 )

@@ -145,7 +145,7 @@ def test_a_certificate_holds_what_an_auditor_asks_for(client: TestClient, folder
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        ("de", ("Kalibrierzertifikat", "Entscheidungsregel", "Schutzabstand", "Querempfindlichkeit x von y", "GUT")),
+        ("de", ("Kalibrierschein", "Entscheidungsregel", "Schutzabstand", "Querempfindlichkeit x von y", "IO")),
         ("zh", ("校准证书", "判定规则", "保护带", "横轴 x 来自 y", "合格")),
     ],
 )
@@ -188,7 +188,7 @@ def test_reasons_and_refusals_come_in_the_readers_language(client: TestClient) -
     assert "ohne jedes Rauschen" in page
     assert "no noise at all" not in page
     refused = client.get("/audit/unit", params={"serial": "SN9999"}, headers={"accept-language": "zh-CN,zh"})
-    assert refused.json()["error"] == "日志中没有单元 'SN9999'：请搜索。"
+    assert refused.json()["error"] == "日志中没有被测件 'SN9999'：请搜索。"
 
 
 def test_no_calibration_no_certificate(client: TestClient, folder: Path) -> None:

@@ -113,7 +113,7 @@ def test_a_person_who_errs_is_asked_again(wrong: Sequence[int], sentence: str) -
 
 def test_a_nest_that_stays_unclear_changes_nothing() -> None:
     bench = Bench([1, 2, 0], wrong=(), errs=9)
-    with pytest.raises(WrongUnit, match="3 times the bus did not tell"):
+    with pytest.raises(WrongUnit, match="3 times the bus did not show"):
         bench.commission()
     assert sorted(bench.fleet.node_ids()) == list(NODES[:3])
 
@@ -166,6 +166,6 @@ def test_nests_are_not_proven_where_nobody_is_at_the_terminal(
 ) -> None:
     bench = Bench([0, 1])
     monkeypatch.setattr("sys.stdin", StringIO())
-    with pytest.raises(UsageError, match="nobody"):
+    with pytest.raises(UsageError, match="the command has no terminal"):
         assign_proven_nodes(bench.fleet.bench(NODES), bench.seats, PRODUCT, bench.heard.append, wait_for_person)
     assert bench.fleet.channel.sent == 0

@@ -104,7 +104,7 @@ def test_when_nobody_turns_it_the_station_says_so(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, config=fixture_run.config(tmp_path, **timeouts), wrap=by_hand(delay_s=60.0))
     assert ran.results["SN0001"].outcome is Outcome.ERROR
     assert isinstance(ran.fault, PositionerFault)
-    assert "within 20 s: Nest A shows +z up. Start again when" in ran.fault.sentence
+    assert "within 20 s: Nest A shows +z up. Start again with" in ran.fault.sentence
 
 
 @pytest.mark.parametrize("alone", [True, False])

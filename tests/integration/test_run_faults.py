@@ -30,7 +30,7 @@ def test_two_devices_under_one_node_id_are_that_nests_trouble(tmp_path: Path) ->
 def test_a_heartbeat_that_never_came_has_no_age(tmp_path: Path) -> None:
     ran = fixture_run.run(tmp_path, faults=("no-boot-up", "heartbeat-stops"))
     assert [x.sentence for x in ran.results["SN0001"].reasons] == [
-        "No heartbeat that could be read has come by 'z-up'; one is due every 0.5 s: check cable, power and firmware."
+        "No readable heartbeat has come by 'z-up'; one is due every 0.5 s: check cable, power and firmware."
     ]
 
 

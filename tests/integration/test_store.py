@@ -418,7 +418,7 @@ def test_a_lost_head_file_is_refused_until_somebody_takes_note(path: Path) -> No
     with SqliteLogReader(path) as log:
         assert [f.what for f in log.findings(Trust())] == ["unanchored"]
     for _ in range(2):
-        with pytest.raises(StoreFault, match="is missing, although the log was kept there"):
+        with pytest.raises(StoreFault, match="is missing, although the log's head was kept there"):
             SqliteStore(path)
     with SqliteStore(path, acknowledgement=Acknowledgement("Ada", "the disk was full")):
         assert head.exists()

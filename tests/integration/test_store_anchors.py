@@ -75,7 +75,7 @@ def test_a_restored_backup_with_its_head_is_found_by_one_anchor_elsewhere(path: 
     restore(path, path.parents[1] / "monday")
     assert found(path) == set()  # nothing beside the log can know
     assert found(path, share) == {"truncated"}
-    with pytest.raises(StoreFault, match="an older copy was put back"):
+    with pytest.raises(StoreFault, match="an older copy was restored"):
         opened(path, share)
     with opened(path, share, by="Ada") as store:
         logs.unit(store, "SN3")
@@ -175,7 +175,7 @@ def test_an_anchor_that_was_emptied_is_missed(path: Path) -> None:
         logs.unit(store)
     for file in share.folder.iterdir():
         file.unlink()
-    with pytest.raises(StoreFault, match="is missing, although the log was kept there"):
+    with pytest.raises(StoreFault, match="is missing, although the log's head was kept there"):
         opened(path, share)
 
 
@@ -206,7 +206,7 @@ def test_a_clock_set_back_is_an_event_and_beyond_a_day_a_refusal(path: Path) -> 
     begun(path, now_ns - 2 * HOUR_NS).close()
     with SqliteLogReader(path) as log:
         assert [e.kind for e in log.events()] == ["clock-back"]
-    with pytest.raises(StoreFault, match=r"the clock stands 25\.0 h before"):
+    with pytest.raises(StoreFault, match=r"the clock is 25\.0 h behind"):
         begun(path, now_ns - 25 * HOUR_NS)
     begun(path, now_ns - 25 * HOUR_NS, by="Ada").close()
     begun(path, now_ns - 25 * HOUR_NS).close()

@@ -136,5 +136,5 @@ def test_a_finish_that_is_swallowed_meanwhile_is_a_fault_and_no_pass(tmp_path: P
         other = sqlite3.connect(path)
         other.executescript("DROP TRIGGER finish_no_delete;" + ADDED[how])
         other.close()
-        with pytest.raises(StoreFault, match=r"swallows records|does not show record"):
+        with pytest.raises(StoreFault, match=r"drops records|does not show record"):
             store.finish(attempt, "PASS", 1)

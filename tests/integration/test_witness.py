@@ -133,7 +133,7 @@ def test_a_restored_backup_is_refused_whatever_lies_beside_the_log(
 ) -> None:
     path, witness = tmp_path / "station.db", served.client(signer)
     put_monday_back(path, signer, witness)
-    with pytest.raises(StoreFault, match=r"witness http.* knows record .* an older copy was put back"):
+    with pytest.raises(StoreFault, match=r"witness http.* holds record .* an older copy was restored"):
         opened(path, signer, witness)
     with opened(path, signer, witness, by="Ada") as store:
         load(store, "SN3")
@@ -181,7 +181,7 @@ def test_a_log_that_forked_is_found_although_it_is_longer(tmp_path: Path, served
     with SqliteStore(fork, "bench-1", signer=signer) as store:  # without asking anybody
         for number in range(5):
             load(store, f"SN{number + 10}")
-    with pytest.raises(StoreFault, match="knows another record"):
+    with pytest.raises(StoreFault, match="holds another record"):
         opened(fork, signer, witness)
 
 

@@ -33,7 +33,7 @@ def test_every_spelling_of_a_number_is_told_and_each_is_the_same_unit() -> None:
 def test_leading_zeros_make_no_other_unit(one: str, other: str, *, same: bool) -> None:
     assert (serial.canonical(one) == serial.canonical(other)) is same
     if same:
-        with pytest.raises(UsageError, match="are one device number"):
+        with pytest.raises(UsageError, match="mean the same device number"):
             serial.check_all((one, other), RECIPE)
     else:
         assert serial.check_all((one, other), RECIPE) == (one, other)
