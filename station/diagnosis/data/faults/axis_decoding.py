@@ -43,9 +43,9 @@ class AxisDecoding:
 def wrong_decodings(scene: Scene, mean: Floats, clipped: Container[int]) -> dict[int, AxisDecoding]:
     """What stands on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops; clipped: the units whose
     readings are cut off, which makes them look smaller by any factor, but not by that of a range or unit."""
-    found = {}
+    found, true = {}, _nominal(scene)
     for u, rows in enumerate(rows_of_units(scene.visits.unit)):
-        read = _by_pose(scene, mean, rows) if scene.recipe.pose_known else _by_magnitude(scene, mean[rows])
+        read = _by_pose(true[rows], mean[rows]) if scene.recipe.pose_known else _by_magnitude(scene, mean[rows])
         if read is not None and u in clipped and read.factor not in FACTORS:
             read = replace(read, factor=1.0)
         if read is not None and (read.mapping or read.factor != 1.0):
@@ -53,13 +53,12 @@ def wrong_decodings(scene: Scene, mean: Floats, clipped: Container[int]) -> dict
     return found
 
 
-def _by_pose(scene: Scene, mean: Floats, rows: slice) -> AxisDecoding | None:
-    """From the matrix between nominal vectors and readings."""
-    true = _nominal(scene)[rows]
+def _by_pose(true: Floats, mean: Floats) -> AxisDecoding | None:
+    """From the matrix between nominal vectors (v, 3) and readings (v, 3)."""
     A = np.concatenate([true, np.ones((len(true), 1))], axis=1)
     if np.linalg.matrix_rank(A, 1e-6 * max(float(np.abs(true).max()), 1e-30)) < 4:
         return None
-    matrix = np.linalg.lstsq(A, mean[rows], rcond=None)[0][:3].T
+    matrix = np.linalg.lstsq(A, mean, rcond=None)[0][:3].T
     size = float(np.linalg.norm(matrix))
     if size == 0.0:
         return None
@@ -140,9 +139,9 @@ def _held_out_gain(scene: Scene, mean: Floats, found: dict[int, AxisDecoding]) -
     stimulus is known, lengths are predicted.
     """
     score, squares = [], np.zeros(2)
-    true = _nominal(scene)
+    true, of_unit = _nominal(scene), rows_of_units(scene.visits.unit)
     for u, read in found.items():
-        rows = rows_of_units(scene.visits.unit)[u]
+        rows = of_unit[u]
         y, x = mean[rows], true[rows]
         half = halves_of(len(y))
         turned = x @ MATRICES[read.mapping].T * read.factor
