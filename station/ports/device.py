@@ -62,6 +62,9 @@ class Device(Protocol):
     def heartbeat_age_s(self) -> float:
         """Seconds since the last heartbeat or boot-up; infinity when there was none."""
 
+    def heartbeats(self) -> int:
+        """Heartbeats and boot-up messages seen so far."""
+
     def emergencies(self) -> tuple[Emergency, ...]:
         """EMCY messages since the last call, oldest first; taking them empties the list."""
 

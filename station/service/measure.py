@@ -64,6 +64,7 @@ class VisitMeasurement:
                 waiting = [unit for unit in waiting if unit.seat.serial not in gone]
             if not waiting:
                 break
+            self._count_heartbeats(waiting)
             collector = yield from self._capture.take(waiting, number)
             found = {unit.seat.serial: self._check(unit, planned, collector) for unit in waiting}
             self._record(waiting, planned, collector, found, kind)
@@ -152,7 +153,24 @@ class VisitMeasurement:
             if math.isfinite(age_s):
                 message = Message("heartbeat-late", age_s=age_s, position=planned.position, period_s=period_s)
             return (Reason(message, age_s, limit_s, "s", check="heartbeat"),)
-        return ()
+        return self._heartbeat_rare(unit, planned)
+
+    def _count_heartbeats(self, units: Sequence[Unit]) -> None:
+        for unit in units:
+            unit.heard = unit.heard or (unit.device.heartbeats(), self._station.clock.monotonic_s())
+
+    def _heartbeat_rare(self, unit: Unit, planned: PlannedVisit) -> Reasons:
+        """Whether far fewer came since the first visit than the device says that it sends: by the age of the last one
+        it would be alive or dead by chance."""
+        if unit.heard is None:
+            return ()
+        before, since_s = unit.heard
+        count, lasted_s = unit.device.heartbeats() - before, self._station.clock.monotonic_s() - since_s
+        if lasted_s <= (count + 1) * unit.heartbeat_limit_s:
+            return ()
+        each_s = lasted_s / max(count, 1)
+        message = Message("heartbeat-rare", each_s=each_s, position=planned.position, period_s=unit.heartbeat_s)
+        return (Reason(message, each_s, unit.heartbeat_limit_s, "s", check="heartbeat"),)
 
     def _emergencies(self, unit: Unit) -> tuple[Message, ...]:
         """Errors that the device has reported and not taken back; every message goes into the record."""

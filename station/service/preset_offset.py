@@ -79,6 +79,10 @@ class PresetDevice:
         """As of the device."""
         return self._device.heartbeat_age_s()
 
+    def heartbeats(self) -> int:
+        """As of the device."""
+        return self._device.heartbeats()
+
     def emergencies(self) -> tuple[Emergency, ...]:
         """As of the device."""
         return self._device.emergencies()

@@ -44,7 +44,8 @@ class Unit:
     run, in that order; switched: whether any of it, or the output, may not be as it was found; found_state: NMT state
     before the station changed it, '' while it has not; sync_every: SYNCs to a reading, 0: it needs none.
 
-    noise in the recipe's unit; heartbeat_s: 0 for none; emergency: an error that the device has reported and not
+    noise in the recipe's unit; heartbeat_s: 0 for none; heard: heartbeats until the first visit began, and when
+    that was, s; emergency: an error that the device has reported and not
     taken back; last_mean (3): of the last good visit.
     """
 
@@ -62,6 +63,7 @@ class Unit:
     sync_every: int = 0
     pdos: tuple[SendingPdo, ...] = ()
     heartbeat_s: float = 0.0
+    heard: tuple[int, float] | None = None
     emergency: Message | None = None
     last_mean: Floats | None = None
     noise: float | None = None

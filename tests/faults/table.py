@@ -277,6 +277,7 @@ _STREAM = _rows(
     ("EMCY during the first move", "device emergency:code=0x2310,seconds=2", FAIL, "emergency 0x2310"),
     ("EMCY during verification", "device emergency:code=0x2310,after_s=25", FAIL, "at 'verify-tilt'", NEW),
     ("heartbeat lost", "device heartbeat-stops:after_s=5", FAIL, "No heartbeat for"),
+    ("heartbeats far rarer than it announces", "device heartbeat-slow:seconds=5", FAIL, "A heartbeat came only every"),
     ("it says that it has no heartbeat", "device reads:index=0x1017,sub=0,value=0", PASS, "", NEW),
     (
         "thermometer frozen inside its limits: a warning",

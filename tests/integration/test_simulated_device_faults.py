@@ -164,6 +164,14 @@ def heartbeat_stops(rig: DeviceRig) -> None:
     assert rig.station.heartbeat_age_s() > 4.5
 
 
+def heartbeat_slow(rig: DeviceRig) -> None:
+    rig.clock.sleep(1.0)
+    before = rig.station.heartbeats()
+    rig.clock.sleep(20.0)
+    # Every seventh of those that it says to send, three a second.
+    assert 9 <= rig.station.heartbeats() - before <= 10
+
+
 def emergency(rig: DeviceRig) -> None:
     rig.station.nmt("start")
     rig.clock.sleep(0.9)
@@ -318,6 +326,7 @@ CASES: dict[str, Check] = {
     "other-unit:index=0x1018,sub=4,at=2,value=43": other_unit,
     "no-boot-up:at=2": no_boot_up,
     "heartbeat-stops:after_s=1": heartbeat_stops,
+    "heartbeat-slow:seconds=2": heartbeat_slow,
     "emergency:code=0x4210,seconds=1": emergency,
     "emergency:code=0x8120,after_s=3": emergency_at,
     "spontaneous-reset:after_s=3": spontaneous_reset,

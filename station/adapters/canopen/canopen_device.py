@@ -40,7 +40,7 @@ class CanopenDevice:
         self._network = network
         self._node = node
         self._state = "unknown"
-        self._heard_s = -math.inf
+        self._heard_s, self._heartbeats = -math.inf, 0
         self._boot_ups = 0
         self._boot_ups_before_reset = 0
         self._emergencies: deque[Emergency] = deque(maxlen=_MOST_EMERGENCIES)
@@ -89,6 +89,11 @@ class CanopenDevice:
         self._network.catch_up()
         return self._network.clock.monotonic_s() - self._heard_s
 
+    def heartbeats(self) -> int:
+        """Heartbeats and boot-up messages seen so far."""
+        self._network.catch_up()
+        return self._heartbeats
+
     def emergencies(self) -> tuple[Emergency, ...]:
         """EMCY messages since the last call, oldest first."""
         self._network.catch_up()
@@ -106,6 +111,7 @@ class CanopenDevice:
             return
         code = data[0] & 0x7F
         self._heard_s = self._network.clock.monotonic_s()
+        self._heartbeats += 1
         self._boot_ups += code == _BOOT_UP
         self._state = "booting" if code == _BOOT_UP else str(NMT_STATES.get(code, "unknown")).lower()
 

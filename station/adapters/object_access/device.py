@@ -54,6 +54,10 @@ class ObjectDevice:
         """It has no heartbeat that could be late."""
         return 0.0
 
+    def heartbeats(self) -> int:
+        """It sends none."""
+        return 0
+
     def emergencies(self) -> tuple[Emergency, ...]:
         """It sends none."""
         return ()

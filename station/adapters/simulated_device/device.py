@@ -97,7 +97,7 @@ class SimulatedDevice:
         self._timing = timing
         self._now_s = self._born_s = clock.monotonic_s()
         self._powered = True
-        self._heartbeat = Timer()
+        self._heartbeat, self._beat_s = Timer(), -math.inf
         self._agenda, self._external_events = Agenda(), Agenda()
         self._sdo_faults = SdoFaults(faults)
         self._sensor = sensor
@@ -186,8 +186,13 @@ class SimulatedDevice:
         self._external_events.run(now_s)
         self._agenda.run(now_s)
         stopped = self._stream_faults.active("heartbeat-stops", now_s)
-        if len(self._heartbeat.due(now_s)) and not stopped and self._managed:
+        if len(self._heartbeat.due(now_s)) and not stopped and self._managed and not self._slow(now_s):
             self._channel.send(_HEARTBEAT + self.node, bytes([self.state]))
+            self._beat_s = now_s
+
+    def _slow(self, now_s: float) -> bool:
+        fault = self._stream_faults.active("heartbeat-slow", now_s)
+        return fault is not None and now_s < self._beat_s + fault.seconds
 
     def _fall_silent(self) -> None:
         self.state = BOOTING

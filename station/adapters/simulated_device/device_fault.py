@@ -36,6 +36,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "other-unit": "becomes another unit when SDO request `at` comes: the serial reads `value`",
         "no-boot-up": "does not send its boot-up message",
         "heartbeat-stops": "sends no heartbeat from `after_s` on",
+        "heartbeat-slow": "sends a heartbeat only every `seconds`, whatever it says",
         "emergency": "sends EMCY `code`, with the error register `register`, at `after_s`, or, while operational,"
         " `seconds` after the last start; `times` of them, a millisecond apart",
         "spontaneous-reset": "resets itself at `after_s`",
