@@ -2,12 +2,14 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from station.diagnosis.fleet.candidate import SharedCandidate
 from station.diagnosis.fleet.interval import GroupUnits
 from station.diagnosis.fleet.moments import FleetCell, Moments
 from station.diagnosis.fleet.noise import ResponseNoise, response_noise, winsorised
@@ -19,7 +21,8 @@ from station.diagnosis.fleet.response import (
     shared_causes,
     visit_order,
 )
-from station.diagnosis.fleet.search import SharedCandidate, SharedFinding, search_shared
+from station.diagnosis.fleet.search import SharedFinding, search_shared
+from station.diagnosis.fleet.slices import TimeSlices, slice_edges, time_slices
 from station.domain.core.types import Floats, ReducedVisits
 from station.domain.evaluation.reduced_visits_texts import from_texts
 from station.domain.recipe.recipe import Recipe
@@ -30,6 +33,8 @@ from station.service.fleet import FleetPlan, FleetWork, OpenSource
 
 #: Units that the noise is learnt from, spread over all of them; fewer than this say nothing of it.
 _SAMPLE, _FEWEST = 2048, 64
+#: In a stretch of few units one that is no good must count no more than a good one: so many times what is usual.
+_MOST_IN_STRETCH = 1.2
 #: Columns of a portion's result, one row a cell: its moments, then what its units say one by one.
 COLUMNS: Mapping[str, ColumnType] = {
     **dict.fromkeys(("station", "nest", "lot"), "text"),
@@ -121,15 +126,36 @@ def search_fleet(bank: FleetBank, planned: FleetPlan, results: PortionResults) -
     """Goes over the sums of all portions. Errors: StoreFault."""
     moments = Moments.join(_moments(bank, results.read(portion.key)) for portion in planned.portions)
     place = {cell: i for i, cell in enumerate(moments.cells)}
+    slices = _slices(place, planned, results)
 
     def timeline(candidate: SharedCandidate, known: Floats) -> GroupUnits:
-        parts = [_projected(results.read(p.key), candidate, known, place) for p in planned.portions]
-        began, z, cell = (np.concatenate(column) for column in zip(*parts, strict=True))
+        parts = [_projected(results.read(p.key), candidate, known, place, slices) for p in planned.portions]
+        began, z, row = (np.concatenate(column) for column in zip(*parts, strict=True))
         order = np.argsort(began, kind="stable")
-        return GroupUnits(began[order], z[order, 0], z[order, 1], cell[order])
+        return GroupUnits(began[order], z[order, 0], z[order, 1], row[order])
 
-    found, dispersion = search_shared(moments, bank.causes, bank.noise.whiten, timeline)
+    def leftover(known: Floats) -> Floats:
+        sums = np.zeros_like(known)
+        for p in planned.portions:
+            for cell, times, z in _units(results.read(p.key)):
+                row = slices.row_of(place[cell], times)
+                np.add.at(sums, row, winsorised(z - known[row], _MOST_IN_STRETCH))
+        return sums
+
+    found, dispersion = search_shared(moments, slices, bank.causes, bank.noise.whiten, timeline, leftover)
     return FleetFindings(tuple(found), int(moments.units.sum()), dispersion)
+
+
+def _slices(place: Mapping[FleetCell, int], planned: FleetPlan, results: PortionResults) -> TimeSlices:
+    parts = [(place[cell], times) for p in planned.portions for cell, times, _ in _units(results.read(p.key))]
+    return time_slices(slice_edges(np.concatenate([times for _, times in parts])), parts)
+
+
+def _units(columns: Columns) -> Iterator[tuple[FleetCell, NDArray[np.int64], Floats]]:
+    """Of each cell of a portion its units: beginnings (n), whitened responses (n, r)."""
+    rows = zip(columns["station"], columns["nest"], columns["lot"], columns["unit_z"], columns["began_ns"], strict=True)
+    for station, nest, lot, z, times in rows:
+        yield FleetCell(station, nest, lot), np.array(times, np.int64), np.array(z, float).reshape(len(times), -1)
 
 
 def _moments(bank: FleetBank, columns: Columns) -> Moments:
@@ -142,22 +168,20 @@ def _moments(bank: FleetBank, columns: Columns) -> Moments:
 
 
 def _projected(
-    columns: Columns, candidate: SharedCandidate, known: Floats, place: Mapping[FleetCell, int]
+    columns: Columns, candidate: SharedCandidate, known: Floats, place: Mapping[FleetCell, int], slices: TimeSlices
 ) -> tuple[Any, Floats, Any]:
     """Of a portion's units of one group: beginning, projections (n, 2, a) of the winsorised and of the plain response,
-    cell."""
+    row of the slices."""
     assert candidate.columns is not None
     a = candidate.columns
-    began, projected, cells = [np.zeros(0, np.int64)], [np.zeros((0, 2, a.shape[1]))], [np.zeros(0, np.intp)]
-    rows = zip(columns["station"], columns["nest"], columns["lot"], columns["unit_z"], columns["began_ns"], strict=True)
-    for station, nest, lot, z, times in rows:
-        cell = place[FleetCell(station, nest, lot)]
-        if candidate.members[cell]:
-            own = np.array(z, float).reshape(len(times), -1)
-            began.append(np.array(times, np.int64))
-            projected.append((np.stack([winsorised(own), own], axis=1) - known[cell]) @ a)
-            cells.append(np.full(len(times), cell, np.intp))
-    return np.concatenate(began), np.concatenate(projected), np.concatenate(cells)
+    began, projected, rows = [np.zeros(0, np.int64)], [np.zeros((0, 2, a.shape[1]))], [np.zeros(0, np.intp)]
+    for cell, times, own in _units(columns):
+        if candidate.members[place[cell]]:
+            row = slices.row_of(place[cell], times)
+            began.append(times)
+            projected.append((np.stack([winsorised(own), own], axis=1) - known[row][:, None]) @ a)
+            rows.append(row)
+    return np.concatenate(began), np.concatenate(projected), np.concatenate(rows)
 
 
 def _sample(

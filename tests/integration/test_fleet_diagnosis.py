@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from station.cli.app import main
+from station.diagnosis.fleet.candidate import log_chance
 from station.diagnosis.fleet.interval import GroupUnits, best_stretch
 from station.diagnosis.fleet.moments import FleetCell, Moments
+from station.diagnosis.fleet.time_scan import CauseDirections, GroupScan
 from tests.fakes import shared_fleet
 
 Out = pytest.CaptureFixture[str]
 UNITS, SEED, BEGIN = 2400, 11, 1400
 TILT, QUADRATIC = 8e-3, 2e-3
+LATE_UNITS, LATE_TILT = 2400, 3e-3
 
 
 def worn(number: int, station: str, nest: str, lot: str) -> tuple[Any, Any, float]:
@@ -62,6 +65,49 @@ def test_two_nests_and_a_lot_are_named_with_their_beginning_and_size(fleet: Path
     text = diagnose(capsys, *named, code=1)
     assert "nest B of bench-9 since" in text.out
     assert "3 of 3 portions are there" in text.err
+
+
+def late(number: int, station: str, nest: str, lot: str) -> tuple[Any, Any, float]:
+    """Nest B of two stations from 60 % of the units on, by little more than units differ by anyhow."""
+    tilted = nest == "B" and station in ("bench-3", "bench-9") and number >= 0.6 * LATE_UNITS
+    return np.array([LATE_TILT * tilted, 0.0, 0.0]), np.zeros(3), 0.0
+
+
+def test_a_tilt_too_small_over_all_time_is_named_since_its_beginning(tmp_path: Path, capsys: Out) -> None:
+    shared_fleet.write(tmp_path / "late", LATE_UNITS, late, SEED)
+    document = json.loads(diagnose(capsys, "--db", tmp_path / "late", "--json", "-", code=1).out)
+    found = {(f["effect"], f["station"], f["nest"]): f for f in document["findings"]}
+    assert set(found) == {("nest-tilt", "bench-3", "B"), ("nest-tilt", "bench-9", "B")}
+    for one in found.values():
+        assert one["begin"] is not None
+        assert one["end"] is None
+        assert np.all(np.abs(np.array(one["vector"]) - [LATE_TILT, 0, 0]) < 4 * np.array(one["std"]))
+
+
+def scans(left: Any, rng: np.random.Generator) -> list[float]:
+    """Chance, all that was tried allowed for, of the strongest stretch of each of ten groups of a fleet (t, r)."""
+    units, every = np.full(len(left), 4.0), np.full(len(left), 40.0)
+    groups = [rng.normal(size=left.shape) * 2 + 4 * left for _ in range(10)]
+    causes, out = CauseDirections.of([np.eye(left.shape[1])[:, :3]]), []
+    for group in groups:
+        since, during = GroupScan(group, units, np.sum(groups, axis=0), every, 8).tests(causes)
+        for stretch in (since[0], during[0]):
+            assert stretch is not None
+            out.append(log_chance(stretch.test, 3) + np.log(stretch.tried))
+    return out
+
+
+def test_stretches_of_groups_that_share_nothing_keep_the_chance_that_is_stated() -> None:
+    rng = np.random.default_rng(6)
+    chances = np.array([scans(np.zeros((20, 6)), rng) for _ in range(60)])
+    # Groups of one fleet hang together a little, through what they are compared with; ten at most as one.
+    assert (chances < np.log(0.05)).mean() <= 0.05 + 4 * np.sqrt(0.05 / len(chances))
+
+
+def test_what_all_groups_share_at_a_time_is_the_cause_of_none() -> None:
+    drift = np.linspace(0, 30, 20)[:, None] * np.ones(6)
+    plain, drifting = (scans(left, np.random.default_rng(7)) for left in (np.zeros((20, 6)), drift))
+    assert np.allclose(plain, drifting, rtol=0, atol=1e-6)
 
 
 def test_a_fleet_that_shares_nothing_is_silent(fleet: Path, capsys: Out) -> None:

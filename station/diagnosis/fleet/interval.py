@@ -16,13 +16,12 @@ _PRICE = 3.0
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupUnits:
     """Units (n) of one group in the order of time: began_ns (n); projected (n, a): what each says of the cause's sizes,
-    winsorised, all else known taken off; plain (n, a): the same as it was measured; cell (n): index of each one's
-    cell."""
+    winsorised, all else known taken off; plain (n, a): the same as it was measured; row (n): of the time slices."""
 
     began_ns: NDArray[np.int64]
     projected: Floats
     plain: Floats
-    cell: NDArray[np.intp]
+    row: NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +34,11 @@ class Stretch:
     ended: bool
 
 
-def best_stretch(units: GroupUnits, gram: Floats, dispersion: float) -> Stretch:
-    """gram (a, a): of one unit; dispersion: by how much chance is larger than the noise says."""
+def best_stretch(units: GroupUnits, gram: Floats, dispersion: float, start: tuple[int, int] | None = None) -> Stretch:
+    """gram (a, a): of one unit; dispersion: by how much chance is larger than the noise says; start: units among which
+    the stretch is sought first, None: all."""
     n = len(units.projected)
-    first, last = 0, n
+    first, last = start or (0, n)
     inverse = np.linalg.pinv(gram)
     for _ in range(_ROUNDS):
         size = inverse @ units.projected[first:last].mean(axis=0)

@@ -29,10 +29,12 @@ class ResponseNoise:
         return np.asarray(responses @ self.whiten.T - self.middle)
 
 
-def winsorised(z: Floats) -> Floats:
-    """Whitened responses (U, r); a unit far off all others is drawn in, so that it cannot speak for a group."""
+def winsorised(z: Floats, most: float = _MOST_DISTANCE) -> Floats:
+    """Whitened responses (U, r); a unit far off all others is drawn in, so that it cannot speak for a group.
+
+    most: times what is usual."""
     far = np.linalg.norm(z, axis=1, keepdims=True) / np.sqrt(z.shape[1])
-    return np.asarray(z / np.maximum(far / _MOST_DISTANCE, 1.0))
+    return np.asarray(z / np.maximum(far / most, 1.0))
 
 
 def response_noise(responses: Floats, groups: Sequence[object]) -> ResponseNoise:

@@ -1,21 +1,26 @@
 """Who shares a cause: the groups of a fleet searched greedily, everything found so far fitted together.
 
 Model: whitened z = μ + Σ columns · sizes of the causes at work in the unit's groups + noise of variance one. Each round
-tests every cause at every group of its levels by the score of what is left, takes the one that chance explains least,
-asks for the stretch of time in which it is at work, and fits all sizes and μ anew. Chance is larger than the noise says
-where units of a load hang together: the median of all tests says by how much.
+tests every cause at every group of its levels by the score of what is left, over all time and over each stretch of it,
+takes the one that chance explains least, asks for the units among which it is at work, and fits all sizes and μ anew.
+Chance is larger than the noise says where units of a load hang together: the median of all tests says by how much.
+
+Half of the chance of a finding in a fleet that shares nothing is for causes that were always there, a quarter for those
+that began and last, a quarter for those that are over; each is shared by all groups, causes and stretches tried.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gammaln
 from scipy.stats import chi2
 
-from station.diagnosis.fleet.interval import GroupUnits, Stretch, best_stretch
+from station.diagnosis.fleet.candidate import SharedCandidate, log_chance
+from station.diagnosis.fleet.interval import GroupUnits, best_stretch
 from station.diagnosis.fleet.moments import FleetCell, Moments
 from station.diagnosis.fleet.response import SharedCause
+from station.diagnosis.fleet.slices import TimeSlices
+from station.diagnosis.fleet.stretch_search import FEWEST_UNITS, PartFound, StretchSearch
 from station.domain.core.types import Floats
 
 #: Chance of any finding in a fleet that shares nothing.
@@ -25,23 +30,9 @@ MOST_FINDINGS = 24
 _NEAR_NATS = 3.0
 #: By how much the median of normal numbers scatters more than their mean.
 _MEDIAN_STD = float(np.sqrt(np.pi / 2))
-#: Fewer units than this are no group.
-_FEWEST_UNITS = 8
+#: Of the chance of a finding, what causes without a beginning may take.
+_ALWAYS = 0.5
 _FIELDS = {"station": ("station",), "nest": ("station", "nest"), "lot": ("lot",), "position": ("station",)}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SharedCandidate:
-    """A cause at one group. members (c): share of each cell's units in which it is at work; score (a): what those units
-    say of its sizes; columns (r, a): whitened, None where they go with a covariate, `at` of the moments' columns."""
-
-    cause: SharedCause
-    level: str
-    group: FleetCell
-    members: Floats
-    score: Floats
-    columns: Floats | None
-    at: slice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,35 +56,44 @@ class SharedFinding:
         return float(np.linalg.norm(self.vector))
 
 
-#: The units of a candidate's group, given what to take off each cell's units (c, r) before they are projected.
+#: The units of a candidate's group, given what to take off the units of each row (k, r) of the slices of time.
 Timeline = Callable[[SharedCandidate, Floats], GroupUnits]
+#: Sums (k, r) of what the units of each row are off by, given what to take off each of them (k, r).
+Leftover = Callable[[Floats], Floats]
 
 
 def search_shared(
-    moments: Moments, causes: Sequence[SharedCause], whiten: Floats, timeline: Timeline
+    moments: Moments,
+    slices: TimeSlices,
+    causes: Sequence[SharedCause],
+    whiten: Floats,
+    timeline: Timeline,
+    leftover: Leftover,
 ) -> tuple[list[SharedFinding], float]:
     """Findings, the largest evidence first, and by how much chance was larger than the noise says."""
     candidates = list(_candidates(moments, causes, whiten))
-    fit = _Fit(moments)
+    fit, scans = _Fit(moments, slices), StretchSearch(candidates, slices)
     dispersion = 1.0
-    for _ in range(MOST_FINDINGS):
+    for _ in range(MOST_FINDINGS if candidates else 0):
         tests = [fit.test(candidate) for candidate in candidates]
         ratio = [test / chi2.median(max(rank, 1)) for test, rank in tests if rank]
         dispersion = max(1.0, float(np.median(ratio)) if ratio else 1.0)
-        chance = np.array([_log_chance(test / dispersion, rank) if rank else 0.0 for test, rank in tests])
-        best = int(np.argmin(chance)) if len(chance) else 0
-        if not len(chance) or chance[best] > np.log(LEVEL / len(candidates)):
+        always = np.array([log_chance(test / dispersion, rank) if rank else 0.0 for test, rank in tests])
+        price = np.log(len(candidates)) - np.log(_ALWAYS)
+        best = int(np.argmin(always))
+        part = scans.best(
+            leftover(fit.known(plain=True)), fit.told_in_time(), [rank > 0 for _, rank in tests], dispersion
+        )
+        if min(always[best] + price, part.log_chance if part else 0.0) > np.log(LEVEL):
             break
-        near = _near(candidates, tests, best, dispersion)
-        fit.accept(candidates[best], tests[best][0] / dispersion / 2, near, timeline, dispersion)
+        if part is None or always[best] + price <= part.log_chance:
+            near = _near(candidates, tests, best, dispersion)
+            fit.accept(candidates[best], tests[best][0] / dispersion / 2, near, timeline, dispersion)
+        else:
+            near = _near(candidates, part.tests, part.candidate, part.dispersion)
+            nats = part.tests[part.candidate][0] / part.dispersion / 2
+            fit.accept(candidates[part.candidate], nats, near, timeline, part.dispersion, part)
     return fit.findings(dispersion), dispersion
-
-
-def _log_chance(test: float, rank: int) -> float:
-    """Logarithm of P(χ² ≥ test), also where that is no number any more: (k/2 − 1) ln x − x − ln Γ(k/2), x = test/2
-    (Abramowitz and Stegun, 6.5.32)."""
-    found = float(chi2.logsf(test, rank))
-    return found if np.isfinite(found) else (rank / 2 - 1) * np.log(test / 2) - test / 2 - float(gammaln(rank / 2))
 
 
 def _near(
@@ -134,7 +134,7 @@ def _groups(moments: Moments, level: str) -> Iterator[tuple[FleetCell, Floats]]:
         members = np.array([name == group for name in names], float)
         here = float(members @ moments.units)
         # A group of all units has nothing to be compared with; one without a name is no group.
-        if _FEWEST_UNITS <= here < moments.units.sum() and all(getattr(group, f) for f in fields):
+        if FEWEST_UNITS <= here < moments.units.sum() and all(getattr(group, f) for f in fields):
             yield group, members
 
 
@@ -151,12 +151,13 @@ class _InTime:
 class _Fit:
     """Everything found so far, fitted together with the middle of all units (r)."""
 
-    def __init__(self, moments: Moments) -> None:
-        self._m = moments
+    def __init__(self, moments: Moments, slices: TimeSlices) -> None:
+        self._m, self._slices = moments, slices
         self._accepted: list[SharedCandidate] = []
         self._about: list[tuple[float, tuple[str, ...], _InTime]] = []
         self._middle = moments.z.sum(axis=0) / moments.units.sum()
         self._sizes: list[Floats] = []
+        self._shares: list[Floats] = []
         self._inverse = np.zeros((0, 0))
 
     def test(self, candidate: SharedCandidate) -> tuple[float, int]:
@@ -180,9 +181,13 @@ class _Fit:
         near: tuple[str, ...],
         timeline: Timeline,
         dispersion: float,
+        part: PartFound | None = None,
     ) -> None:
-        """Takes the candidate, for the stretch of time in which it is at work."""
-        candidate, when = self._in_time(candidate, timeline, dispersion)
+        """Takes the candidate, for the stretch of time in which it is at work; part: what is known of that."""
+        known = self.known()
+        known += self._others(candidate) if part is None else part.others[self._slices.at]
+        candidate, when, share = self._in_time(candidate, timeline, dispersion, known, part)
+        self._shares.append(share)
         self._accepted.append(candidate)
         self._about.append((nats, near, when))
         self._solve()
@@ -200,32 +205,63 @@ class _Fit:
             out.append(SharedFinding(one, vector, stds, when.units, when.begin_ns, when.end_ns, nats, near))
         return sorted(out, key=lambda finding: -finding.nats)
 
-    def _in_time(
-        self, candidate: SharedCandidate, timeline: Timeline, dispersion: float
-    ) -> tuple[SharedCandidate, "_InTime"]:
-        if candidate.columns is None:
-            return candidate, _InTime(int(candidate.members @ self._m.units))
-        known = np.tile(self._middle, (len(self._m.cells), 1))
+    def _others(self, candidate: SharedCandidate) -> Floats:
+        """Mean (r) of the units outside a group: that of all would hold the cause in part."""
+        left, weight = self._m.z.copy(), 1 - candidate.members
         for one, size in zip(self._accepted, self._sizes, strict=True):
             if one.columns is not None:
-                known += np.outer(one.members, one.columns @ size)
+                left -= np.outer(one.members * self._m.units, one.columns @ size)
+        return np.asarray(weight @ left / (weight @ self._m.units))
+
+    def told_in_time(self) -> Floats:
+        """1 for each row (k) but those whose units are off by what goes with a covariate: what is left of them is not
+        known unit by unit."""
+        told = np.ones(len(self._slices.cell))
+        for one in self._accepted:
+            if one.columns is None:
+                told[one.members[self._slices.cell] > 0] = 0.0
+        return told
+
+    def known(self, *, plain: bool = False) -> Floats:
+        """What a unit of each row (k, r) is off by for what was found; plain: as it was measured, not winsorised."""
+        known = np.zeros((len(self._slices.cell), len(self._middle)))
+        for one, fitted, share, (_, _, when) in zip(
+            self._accepted, self._sizes, self._shares, self._about, strict=True
+        ):
+            if one.columns is not None:
+                size = when.size if plain and when.size is not None else fitted
+                known += np.outer(share, one.columns @ size)
+        return known
+
+    def _in_time(
+        self,
+        candidate: SharedCandidate,
+        timeline: Timeline,
+        dispersion: float,
+        known: Floats,
+        part: PartFound | None,
+    ) -> tuple[SharedCandidate, "_InTime", Floats]:
+        """The candidate in its stretch, when that is, and in which share of the units of each row (k)."""
+        share = candidate.members[self._slices.cell]
+        if candidate.columns is None:
+            return candidate, _InTime(int(candidate.members @ self._m.units)), share
         units = timeline(candidate, known)
         gram = candidate.columns.T @ candidate.columns
-        found = best_stretch(units, gram, dispersion)
+        start = None if part is None else part.units_among(units.began_ns, self._slices.edges_ns)
+        found = best_stretch(units, gram, dispersion, start)
         # Units that a large cause draws far off are winsorised: their size is that of the middle one.
         size = np.linalg.pinv(gram) @ np.median(units.plain[found.first : found.last], axis=0)
         begin = int(units.began_ns[found.first]) if found.begun else None
         end = int(units.began_ns[found.last]) if found.ended else None
         when = _InTime(found.last - found.first, begin, end, size)
-        return (self._part(candidate, units, found, known) if found.begun or found.ended else candidate), when
-
-    def _part(self, candidate: SharedCandidate, units: GroupUnits, found: Stretch, known: Floats) -> SharedCandidate:
-        assert candidate.columns is not None
-        inside = slice(found.first, found.last)
-        count = np.bincount(units.cell[inside], minlength=len(self._m.cells)).astype(float)
+        if not (found.begun or found.ended):
+            return candidate, when, share
+        count = np.bincount(units.row[found.first : found.last], minlength=len(share)).astype(float)
+        in_cells = np.bincount(self._slices.cell, count, len(self._m.cells))
         # What was taken off before the projection is put back: the score is of the responses themselves.
-        score = units.projected[inside].sum(axis=0) + candidate.columns.T @ (count @ known)
-        return replace(candidate, members=count / np.maximum(self._m.units, 1.0), score=score)
+        score = units.projected[found.first : found.last].sum(axis=0) + candidate.columns.T @ (count @ known)
+        inside = replace(candidate, members=in_cells / np.maximum(self._m.units, 1.0), score=score)
+        return inside, when, count / self._slices.units
 
     def _to_middle(self, one: SharedCandidate) -> Floats:
         """Gram matrix (r, a) between the middle and a candidate."""
