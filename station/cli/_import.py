@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from station.cli import _output
 from station.config.recipes import load_recipe
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import columns, samples, still_files, understanding
+from station.domain.recognition import columns, samples, still_files, understanding, unsigned, which_quantity
 from station.domain.recognition.clock import TIME_UNITS
 from station.domain.recognition.quantities import QUANTITIES
 from station.domain.recognition.raw_table import ImportOptions, RawTable
 from station.domain.recognition.recording import Recording, understand
 from station.domain.recognition.samples import UnitRecording, Visits
-from station.errors import SamplesError, StationError, UsageError
+from station.errors import StationError, UsageError
 from station.messages import Message, render
 from station.wiring.raw_tables import raw_tables, write_recording
 from station.wiring.sample_files import write_samples
@@ -109,7 +109,7 @@ def _check(options: ImportOptions) -> None:
 def _passes(path: Path, number: int, job: ImportJob, recipe: Recipe | None) -> list[UnitRecording]:
     """The passes of units in a file."""
     found = []
-    for table in _chosen(raw_tables(path, job.dbc), job, recipe):
+    for table in _chosen([unsigned.signed(t) for t in raw_tables(path, job.dbc)], job, recipe):
         for serial, run, part in samples.by_unit_and_run(table):
             if samples.is_samples_table(table) and not job.segmenting:
                 raise UsageError("samples-table-already", file=str(path))
@@ -138,16 +138,8 @@ def _chosen(tables: list[RawTable], job: ImportJob, recipe: Recipe | None) -> li
 
 
 def _unit(table: RawTable, job: ImportJob, recipe: Recipe | None) -> str:
-    """The unit to scale to: the recipe's; else that of the quantity whose axes the table has, acceleration first."""
-    if recipe is not None:
-        return recipe.unit
-    for unit, quantity in QUANTITIES.items():
-        try:
-            columns.assign(table, job.options, quantity)
-            return unit
-        except SamplesError:
-            continue
-    return next(iter(QUANTITIES))
+    """The unit to scale to: the recipe's; else that of the quantity that the table holds."""
+    return recipe.unit if recipe is not None else which_quantity.unit_of(table, job.options)
 
 
 def _understood(table: RawTable, job: ImportJob, recipe: Recipe | None) -> Recording:

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition.quantities import QUANTITIES, Quantity, canonical
+from station.domain.recognition.quantities import QUANTITIES, Quantity, canonical, from_magnitude
 from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
 from station.errors import SamplesError, UsageError
 
@@ -22,12 +22,14 @@ _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orien
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
 #: Axes as names number them.
 _NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
-#: Ranks of names: from FOREIGN on they are of another quantity; without names content alone decides.
-FOREIGN, BY_CONTENT = 30, 25
+#: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.
+FOREIGN, BY_CONTENT, NAMELESS = 30, 25, 10
 #: A column of at least so many steps is time where this share of them is within this share of the median step.
 LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
 #: Most labels that are visits and not identifiers, and how many readings each must last.
 MOST_LABELS, LEAST_LASTING = 2000, 8
+#: A sensor that is turned shows means that scatter by this share of their magnitude.
+LEAST_TURN = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,14 +127,14 @@ def _rank(stem: str, quantity: Quantity) -> int:
         return derived
     if any(re.search(q.word, words) for q in QUANTITIES.values()):
         return 40
-    return 10 + derived
+    return NAMELESS + derived
 
 
 def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, tuple[int, int, int]]]:
     """Columns whose names differ by x, y, z alone, or by three numbers: what is common to them, and their places."""
     groups: dict[tuple[str, str], dict[str, int]] = {}
     for place in table.numeric():
-        if place in assigned:
+        if place in assigned or not table.numbers(place).any():
             continue
         name = table.columns[place].name.lower()
         for i, letter in enumerate(name):
@@ -150,19 +152,37 @@ def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, tupl
 
 
 def _by_content(table: RawTable, candidates: list[tuple[int, int, int]], quantity: Quantity) -> tuple[int, int, int]:
-    """Of several triples the one whose magnitude at rest is the steadiest, or, for a turn rate, the least steady."""
-    spreads = [_spread_of_magnitude(np.stack([table.numbers(i) for i in c], axis=1)) for c in candidates]
-    return candidates[int(np.argmin(spreads) if quantity.sizes is not None else np.argmax(spreads))]
+    """Of several triples the one that turns, in a magnitude of a known unit, the steadiest at rest; or, for a turn
+    rate, the one whose magnitude is the least steady."""
+    readings = [np.stack([table.numbers(i) for i in c], axis=1) for c in candidates]
+    if quantity.sizes is None:
+        return candidates[int(np.argmax([_means_and_spread(r)[1] for r in readings]))]
+    return candidates[min(range(len(candidates)), key=lambda i: _unlikely(readings[i], quantity))]
 
 
-def _spread_of_magnitude(reading: Floats) -> float:
-    """Relative spread of the magnitudes of means over short stretches (n, 3); endless where nothing varies."""
+def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
+    """Whether readings (n, 3) do not turn; 0 where their magnitude is of a unit, 1 of counts, 2 of neither; its
+    relative spread."""
+    means, spread = _means_and_spread(reading)
+    size = float(np.median(np.linalg.norm(means, axis=1)))
+    turns = bool(np.linalg.norm(means.std(axis=0)) > LEAST_TURN * size)
+    whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
+    if not turns or not np.isfinite(spread):
+        return True, 2, spread
+    scale = from_magnitude(means, quantity, whole=whole)
+    return False, (int(scale.unit == "LSB") if scale.exact else 2), spread
+
+
+def _means_and_spread(reading: Floats) -> tuple[Floats, float]:
+    """Means (k, 3) over short stretches of readings (n, 3), and the relative spread of their magnitudes; endless where
+    nothing varies."""
     rows = max(len(reading) // 200, 1)
     usable = reading[: len(reading) // rows * rows]
-    size = np.linalg.norm(np.nan_to_num(usable).reshape(-1, rows, 3).mean(axis=1), axis=1)
+    means = np.asarray(np.nan_to_num(usable).reshape(-1, rows, 3).mean(axis=1))
+    size = np.linalg.norm(means, axis=1)
     middle = float(np.median(size))
     alive = bool((np.ptp(np.nan_to_num(reading), axis=0) > 0).all())
-    return float(1.4826 * np.median(np.abs(size - middle)) / middle) if middle > 0 and alive else np.inf
+    return means, float(1.4826 * np.median(np.abs(size - middle)) / middle) if middle > 0 and alive else np.inf
 
 
 def _time(table: RawTable, assigned: set[int | None]) -> int | None:

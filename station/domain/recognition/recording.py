@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
-from station.domain.recognition import clock, columns, quantities, unit_change, visits
+from station.domain.recognition import bad_rows, clock, columns, quantities, unit_change, visits
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
 from station.domain.recognition.quantities import QUANTITIES, Quantity, UnitScale
@@ -17,11 +17,8 @@ from station.messages import Message
 
 #: A thermometer shows temperatures between these, °C.
 COLDEST, HOTTEST = -80.0, 250.0
-#: Readings that are missing may be this share, and rows with one are left out.
-MISSING = 0.6
-#: A reading is impossible when it is this many times farther from the middle than all but FAR of the others, and when
-#: such are few.
-IMPOSSIBLE, FAR, FEW = 5.0, 0.01, 0.002
+#: Fewer rests than these, among readings all round, are chance.
+LEAST_RESTS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +52,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     """
     quantity = QUANTITIES[unit]
     roles = columns.assign(table, options, quantity)
-    keep, remarks = _complete_rows(table, roles)
-    keep, impossible = _possible_rows(table, roles, keep)
+    keep, remarks = bad_rows.usable(table, roles.axes, roles.time, quantity)
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
     raw, usable = raw[ticks.order], keep[ticks.order]
@@ -79,35 +75,8 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         clock=ticks,
         scale=scale,
         unit=unit,
-        remarks=(*table.remarks, *remarks, *impossible, *lost),
+        remarks=(*table.remarks, *remarks, *lost),
     )
-
-
-def _complete_rows(table: RawTable, roles: Roles) -> tuple[NDArray[np.intp], tuple[Message, ...]]:
-    """Rows whose axes and stamp are all there."""
-    needed = [i for i in (*roles.axes, roles.time) if i is not None]
-    whole = np.all([np.isfinite(table.numbers(i)) for i in needed], axis=0)
-    missing = int(np.count_nonzero(~whole))
-    if missing > MISSING * len(table) or whole.sum() < 2:
-        raise SamplesError("readings-missing", file=table.source, missing=missing, rows=len(table))
-    note = (Message("rows-left-out", file=table.source, rows=missing, total=len(table)),) if missing else ()
-    return np.flatnonzero(whole), note
-
-
-def _possible_rows(
-    table: RawTable, roles: Roles, keep: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], tuple[Message, ...]]:
-    """Rows without single readings far beyond all others, as a bus that fails for one transfer gives them."""
-    raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
-    middle = np.median(raw, axis=0)
-    off = np.abs(raw - middle).max(axis=1)
-    reach = float(np.quantile(off, 1 - FAR)) * IMPOSSIBLE + float(np.linalg.norm(middle))
-    far = off > reach
-    if not 0 < far.sum() <= max(FEW * len(raw), 1):
-        return keep, ()
-    worst = float(raw[off.argmax()][np.argmax(np.abs(raw[off.argmax()] - middle))])
-    note = Message("readings-impossible", file=table.source, rows=int(far.sum()), worst=worst)
-    return keep[~far], (note,)
 
 
 def _clock(
@@ -151,9 +120,9 @@ def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None) ->
             edges = rest_segments.find(time_s, raw)
         except SamplesError:
             edges = np.zeros((0, 2), np.int64)
+    if len(edges) < LEAST_RESTS and visits.is_pose_each(raw):
+        return raw
     if not len(edges):
-        if visits.is_pose_each(raw):
-            return raw
         rows = min(50, len(raw))
         return np.asarray(raw[: len(raw) // rows * rows].reshape(-1, rows, 3).mean(axis=1))
     return np.array([np.median(raw[a:b], axis=0) for a, b in edges])

@@ -24,6 +24,8 @@ LEAST_REST_IN_ONE = 0.9
 LEAST_GRAVITY_G = 0.3
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
 WILD = 0.2
+#: Readings that are a pose each: more than so many tell no more.
+MOST_POSES = 1000
 #: Runs are counted in 32 bits.
 LAST_RUN = 2**31 - 1
 
@@ -111,9 +113,17 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
         listed = recording.clock.unit == "none" or recording.unit == "uT"
         if not listed or not visits.is_pose_each(recording.reading):
             raise
-        edges = visits.blocks(recording.source, len(recording), 1)
-        return Visits(edges, tuple(f"reading-{i + 1:03d}" for i in range(len(edges))), "readings")
+        return _a_reading_each(recording)
     return Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
+
+
+def _a_reading_each(recording: Recording) -> Visits:
+    """Each reading a visit or, of very many, every so many."""
+    each = -(-len(recording) // MOST_POSES)
+    edges = visits.blocks(recording.source, len(recording), 1)[::each]
+    note = Message("readings-thinned", file=recording.source, readings=len(recording), each=each, visits=len(edges))
+    names = tuple(f"reading-{i + 1:03d}" for i in range(len(edges)))
+    return Visits(edges, names, "readings", (note,) if each > 1 else ())
 
 
 def _rest(recording: Recording) -> NDArray[np.int64]:

@@ -14,6 +14,8 @@ MOST_READINGS, MOST_VALUES, LEAST_VALUES = 200_000, 4000, 4
 #: A reading repeated this often in a visit, at the end of what the axis ever reads, is the end of its range.
 FLAT_SHARE = 0.5
 MAD = 1.4826
+#: A step below this share of the noise is the last digit of a printed number and none of a converter.
+PRINTED = 1e-3
 #: Stamps are regular when this share of their steps misses a whole number of usual ones by less than this share of one.
 MOSTLY, REGULAR = 0.95, 0.1
 
@@ -36,6 +38,7 @@ def infer(reading: Floats, time_s: Floats, visit: Array) -> InferredSheet:
     within = np.diff(visit) == 0
     lsb = np.array([step_of(column) for column in reading.T])
     noise = noise_of(reading, within)
+    lsb = np.where(lsb > PRINTED * noise, lsb, 0.0)
     rate_hz, jitter_s = rate_of(time_s, within)
     return InferredSheet(noise, lsb, full_scale_of(reading, visit, lsb, noise), rate_hz, jitter_s)
 

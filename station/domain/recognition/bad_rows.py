@@ -1,0 +1,83 @@
+"""Rows of a raw table that hold no reading: cells missing, places never filled, codes for "none", impossible values."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Floats
+from station.domain.recognition.quantities import Quantity
+from station.domain.recognition.raw_table import RawTable
+from station.errors import SamplesError
+from station.messages import Message
+
+#: Readings that are missing may be this share, and rows with one are left out.
+MISSING = 0.6
+#: A reading is impossible when it is this many times farther from the middle than all but FAR of the others, and when
+#: such are few.
+IMPOSSIBLE, FAR, FEW = 5.0, 0.01, 0.002
+#: A code for "none" stands in all three columns and is this many times larger than the others.
+CODE = 3.0
+#: A turn rate of exactly 0 on three axes is no reading where so many rows of it begin or end a recording.
+LEAST_UNFILLED = 20
+
+Rows = NDArray[np.intp]
+
+
+def usable(
+    table: RawTable, axes: tuple[int, int, int], time: int | None, quantity: Quantity
+) -> tuple[Rows, tuple[Message, ...]]:
+    """The rows (k) that hold a reading and its stamp, and what is said of the others. Errors: SamplesError."""
+    keep, remarks = _complete(table, (*axes, time))
+    raw = np.stack([table.numbers(i) for i in axes], axis=1)
+    keep, unfilled = _filled(table.source, raw, keep, quantity)
+    keep, impossible = _possible(table.source, raw, keep)
+    return keep, (*remarks, *unfilled, *impossible)
+
+
+def _complete(table: RawTable, places: tuple[int | None, ...]) -> tuple[Rows, tuple[Message, ...]]:
+    """Rows whose axes and stamp are all there."""
+    whole = np.all([np.isfinite(table.numbers(i)) for i in places if i is not None], axis=0)
+    missing = int(np.count_nonzero(~whole))
+    if missing > MISSING * len(table) or whole.sum() < 2:
+        raise SamplesError("readings-missing", file=table.source, missing=missing, rows=len(table))
+    note = (Message("rows-left-out", file=table.source, rows=missing, total=len(table)),) if missing else ()
+    return np.flatnonzero(whole), note
+
+
+def _filled(source: str, raw: Floats, keep: Rows, quantity: Quantity) -> tuple[Rows, tuple[Message, ...]]:
+    """Rows without one number in all three columns that says "none": 0, as in a buffer never filled, where the stimulus
+    never vanishes, or a code such as -9999."""
+    x, y, z = raw[keep].T
+    alike = (x == y) & (y == z)
+    usual = float(np.quantile(np.abs(raw[keep][~alike]), 1 - FAR, method="higher")) if not alike.all() else np.inf
+    zero = alike & (x == 0)
+    if quantity.sizes is None:
+        zero = _at_ends(zero)
+    empty = zero | (alike & (np.abs(x) > CODE * usual))
+    if not empty.any() or empty.sum() > MISSING * len(keep):
+        return keep, ()
+    worst = float(x[empty][np.argmax(np.abs(x[empty]))])
+    note = Message("rows-unfilled", file=source, rows=int(empty.sum()), total=len(keep), value=worst)
+    return keep[~empty], (note,)
+
+
+def _at_ends(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Of a mask (n) the runs at either end that are long enough."""
+    begins, ends = int(np.argmin(mask)), int(np.argmin(mask[::-1]))
+    places = np.arange(len(mask))
+    return (places < (begins if begins >= LEAST_UNFILLED else 0)) | (
+        places >= len(mask) - (ends if ends >= LEAST_UNFILLED else 0)
+    )
+
+
+def _possible(source: str, raw: Floats, keep: Rows) -> tuple[Rows, tuple[Message, ...]]:
+    """Rows without single readings far beyond all others, as a bus that fails for one transfer gives them."""
+    raw = raw[keep]
+    middle = np.median(raw, axis=0)
+    off = np.abs(raw - middle).max(axis=1)
+    reach = float(np.quantile(off, 1 - FAR)) * IMPOSSIBLE + float(np.linalg.norm(middle))
+    far = off > reach
+    if not 0 < far.sum() <= max(FEW * len(raw), 1):
+        return keep, ()
+    worst = float(raw[off.argmax()][np.argmax(np.abs(raw[off.argmax()] - middle))])
+    note = Message("readings-impossible", file=source, rows=int(far.sum()), worst=worst)
+    return keep[~far], (note,)

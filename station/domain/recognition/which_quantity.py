@@ -1,0 +1,70 @@
+"""What a table measures where no recipe says: by the names of its columns, of the file, or by the readings' size."""
+
+import re
+from pathlib import PurePath
+
+import numpy as np
+
+from station.domain.core.types import Floats
+from station.domain.recognition import columns
+from station.domain.recognition.columns import Roles
+from station.domain.recognition.quantities import QUANTITIES, from_magnitude, sphere
+from station.domain.recognition.raw_table import ImportOptions, RawTable
+from station.errors import SamplesError
+
+#: An accelerometer's offset is this share of gravity at most.
+MOST_OFFSET = 0.5
+#: Words of a file's name that tell a quantity.
+_WORDS = {"g": r"^acc", "deg/s": r"^gyr", "uT": r"^(mag|compass|kompass)"}
+
+
+def unit_of(table: RawTable, options: ImportOptions) -> str:
+    """A key of QUANTITIES: of the best names; where none tells, of the file's name or the readings' size; g where
+    nothing does."""
+    found: dict[str, Roles] = {}
+    for unit, quantity in QUANTITIES.items():
+        try:
+            found[unit] = columns.assign(table, options, quantity)
+        except SamplesError:
+            continue
+    if not found:
+        return next(iter(QUANTITIES))
+    called = [unit for unit, roles in found.items() if roles.rank < columns.NAMELESS]
+    if called and options.columns is None:
+        return called[0]
+    best = min(found, key=lambda unit: found[unit].rank)
+    named = [u for u, word in _WORDS.items() if u in found and _in_name(table.source, word)]
+    if named:
+        return named[0]
+    return "uT" if "uT" in found and _like_a_field(table, found) else best
+
+
+def _in_name(source: str, word: str) -> bool:
+    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", PurePath(source).stem)
+    return any(re.match(word, part.lower()) for part in parts)
+
+
+def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
+    """Whether readings are of no acceleration's size, or too far off its centre, and of a magnetic field's size."""
+    readings = {unit: _reading(table, found[unit].axes) for unit in ("g", "uT") if unit in found}
+    if any(bool(np.all(r[:1000] % 1 == 0)) for r in readings.values()):
+        return False
+    means = {unit: _means(reading) for unit, reading in readings.items()}
+    if "g" in means:
+        centre, radius = sphere(means["g"])
+        near = float(np.linalg.norm(centre)) <= MOST_OFFSET * radius
+        if near and from_magnitude(means["g"], QUANTITIES["g"], whole=False).unit != "LSB":
+            return False
+    low, high = QUANTITIES["uT"].sizes or (0.0, 0.0)
+    size = sphere(means["uT"])[1]
+    return any(low <= size * factor <= high for factor in QUANTITIES["uT"].factors.values())
+
+
+def _reading(table: RawTable, axes: tuple[int, int, int]) -> Floats:
+    return np.nan_to_num(np.stack([table.numbers(i) for i in axes], axis=1))
+
+
+def _means(reading: Floats) -> Floats:
+    """Means (k, 3) over short stretches; of few readings the readings themselves."""
+    rows = max(len(reading) // 1000, 1)
+    return np.asarray(reading[: len(reading) // rows * rows].reshape(-1, rows, 3).mean(axis=1))
