@@ -15,7 +15,7 @@ def command(
     raw: Annotated[bool, Option("--raw", help="Write the whole recording for `segment`, not its visits.")] = False,
     recipe: Annotated[str | None, Option(help="Scale to this recipe's unit and name visits by its positions.")] = None,
     columns: Annotated[str | None, Option(help="[time,]x,y,z: names, or numbers from 0.")] = None,
-    time_unit: Annotated[str | None, Option(help="Unit of the stamps: s, ms, us, ns, or none.")] = None,
+    time_unit: Annotated[str | None, Option(help="Unit of the stamps: s, ms, us, ns, min, h, d, or none.")] = None,
     rate: Annotated[float | None, Option(help="Readings a second, where no column is time.")] = None,
     temperature: Annotated[str | None, Option(help="Column of the temperature.")] = None,
     labels: Annotated[str | None, Option(help="Column whose changes begin a visit.")] = None,

@@ -1,15 +1,20 @@
 """Arrow columns → raw columns; Parquet files."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from station.adapters.recordings import cells
 from station.adapters.recordings.limits import check_names, check_shape, check_unfolded
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 from station.messages import Message
+
+#: Structs in structs, and places of a list, that are columns.
+DEEPEST, WIDEST = 3, 16
 
 
 def read_parquet(path: Path) -> list[RawTable]:
@@ -31,35 +36,57 @@ def read_parquet(path: Path) -> list[RawTable]:
     if table.num_rows == 0 or table.num_columns == 0:
         raise SamplesError("recording-empty", file=str(path))
     columns = []
-    for name, kind in zip(table.schema.names, table.schema.types, strict=True):
-        if pa.types.is_nested(kind):
-            continue
-        values, text, unit = column(table.column(name).combine_chunks())
-        columns.append(RawColumn(name, values, text, unit))
+    for name, part in _parts(table):
+        values, text, unit = column(part)
+        read = None if text is None else cells.numbers(text.text(), ".")
+        columns.append(RawColumn(name, values, text, unit) if read is None else RawColumn(name, read[0], None, read[1]))
     if not columns:
         raise SamplesError("no-table-of-numbers", file=str(path))
     return [RawTable(str(path), tuple(columns))]
 
 
-def column(cells: Any) -> tuple[Array | None, Labels | None, str]:
+def _parts(table: Any) -> Iterator[tuple[str, Any]]:
+    """Plain columns (name, cells): of structs their fields, of short lists of one length their places."""
+    import pyarrow as pa
+
+    for _ in range(DEEPEST):
+        table = table.flatten()
+    for name, kind in zip(table.schema.names, table.schema.types, strict=True):
+        whole = table.column(name).combine_chunks()
+        if not pa.types.is_nested(kind):
+            yield name, whole
+        elif pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
+            yield from _places(name, whole)
+
+
+def _places(name: str, lists: Any) -> Iterator[tuple[str, Any]]:
+    import pyarrow as pa
+    from pyarrow import compute
+
+    lengths = compute.unique(compute.list_value_length(lists)).to_pylist()
+    if len(lengths) == 1 and lengths[0] and lengths[0] <= WIDEST and not pa.types.is_nested(lists.type.value_type):
+        yield from ((f"{name}_{i}", compute.list_element(lists, i)) for i in range(lengths[0]))
+
+
+def column(part: Any) -> tuple[Array | None, Labels | None, str]:
     """Numbers or labels of an Arrow array, and the unit that its type states (of times)."""
     import pyarrow as pa
 
-    kind = cells.type
+    kind = part.type
     if pa.types.is_dictionary(kind):
-        cells, kind = cells.dictionary_decode(), kind.value_type
+        part, kind = part.dictionary_decode(), kind.value_type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
         wide = pa.int32() if pa.types.is_time32(kind) else pa.int64()
-        return _filled(cells.cast(wide)), None, str(kind.unit)
+        return _filled(part.cast(wide)), None, str(kind.unit)
     if pa.types.is_date(kind):
-        return _filled(cells.cast(pa.date32()).cast(pa.int32())) * 86_400, None, "s"
+        return _filled(part.cast(pa.date32()).cast(pa.int32())) * 86_400, None, "s"
     if pa.types.is_null(kind):
-        return np.full(len(cells), np.nan), None, ""
+        return np.full(len(part), np.nan), None, ""
     if pa.types.is_integer(kind) or pa.types.is_floating(kind):
-        return _filled(cells), None, ""
+        return _filled(part), None, ""
     if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
-        return _filled(cells.cast(pa.int8() if pa.types.is_boolean(kind) else pa.float64())), None, ""
-    encoded = cells.cast(pa.string()).fill_null("").dictionary_encode()
+        return _filled(part.cast(pa.int8() if pa.types.is_boolean(kind) else pa.float64())), None, ""
+    encoded = part.cast(pa.string()).fill_null("").dictionary_encode()
     names = tuple(str(n) for n in encoded.dictionary.to_pylist())
     return None, Labels(names, np.asarray(encoded.indices.to_numpy(zero_copy_only=False), np.int32)), ""
 

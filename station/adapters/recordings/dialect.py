@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from station.adapters.recordings.limits import check_names
 from station.errors import SamplesError
 
-_NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+_NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$|^0x[0-9a-f]{1,8}$", re.IGNORECASE)
 #: Thousands set apart by the mark that is not the decimal one.
 _THOUSANDS = {
     ".": re.compile(r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"),
@@ -29,13 +29,15 @@ HEAD, LEAST_KEYED, LONGEST_REMARK = 400, 8, 300
 LONGEST_QUOTED = 100_000
 #: Stamps of the present day, s.
 SINCE_1970_S = (5e8, 5e9)
+#: Rows end with a delimiter when this share does.
+CLOSED = 0.95
 DELIMITERS = (";", "\t", ",", "|", " ")
 
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """delimiter (a blank: any white space); decimal: `.` or `,`; first: index of the first line of data; names, units
-    (k) or no names; columns k; rate_hz: as a comment states it."""
+    (k) or no names; columns k; rate_hz: as a comment states it; closed: whether a delimiter ends each row."""
 
     delimiter: str
     decimal: str
@@ -44,26 +46,34 @@ class Dialect:
     units: tuple[str, ...]
     columns: int
     rate_hz: float | None
+    closed: bool = True
 
 
 def recognise(file: str, lines: list[str]) -> Dialect:
     """The dialect of a text by its first lines. Errors: SamplesError where they hold no table of numbers."""
     content = [(i, line) for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
-    scored = [(*_score(content, delimiter), delimiter) for delimiter in DELIMITERS]
-    score, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
-    if score < 0.3:
+    scored = [(*score(content, delimiter), delimiter) for delimiter in DELIMITERS]
+    best, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
+    if best < 0.3:
         raise SamplesError("no-table-of-numbers", file=file)
-    rows = [(i, split(line, delimiter)) for i, line in content]
+    closed = _closed([line for _, line in content], delimiter)
+    rows = [(i, split(line, delimiter, closed=closed)) for i, line in content]
     usual = _numeric_share([cells for _, cells in rows if len(cells) == columns][-50:])
     first = next(
         i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= min(usual, 0.999) * 0.75
     )
     data = [cells for i, cells in rows if i >= first]
-    decimal = "," if delimiter != "," and any("," in c and _NUMBER.match(c) for cells in data for c in cells) else "."
+    decimal = _decimal([c for cells in data for c in cells if _NUMBER.match(c)], delimiter)
     names, units = _header(file, lines[:first], delimiter, columns)
     head = [line[:LONGEST_REMARK] for line in lines[:first]]
     stated = [m for line in head if (m := _RATE.search(line) or _RATE_KEY.match(line))]
-    return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None)
+    return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None, closed)
+
+
+def _decimal(numbers: list[str], delimiter: str) -> str:
+    """The decimal mark; a comma in quoted cells between commas is one only where no cell has a point."""
+    commas = any("," in n for n in numbers)
+    return "," if commas and (delimiter != "," or not any("." in n for n in numbers)) else "."
 
 
 def without_keys(lines: list[str]) -> list[str]:
@@ -93,8 +103,8 @@ def is_comment(line: str) -> bool:
     return _COMMENT.match(line) is not None
 
 
-def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line; a delimiter at its end begins no cell."""
+def split(line: str, delimiter: str, *, closed: bool = True) -> list[str]:
+    """The cells of a line; closed: a delimiter at its end begins no cell."""
     if delimiter == " ":
         return line.split()
     plain = line.rstrip("\r\n")
@@ -104,7 +114,7 @@ def split(line: str, delimiter: str) -> list[str]:
         else plain.split(delimiter)
     )
     cells = [c.strip().strip('"') for c in parts]
-    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+    return cells[:-1] if closed and len(cells) > 1 and not cells[-1] else cells
 
 
 def is_number(cell: str) -> bool:
@@ -115,21 +125,30 @@ def is_number(cell: str) -> bool:
 def cell_value(cell: str, decimal: str) -> float:
     """What a cell says; NaN where it is no number."""
     plain = cell.strip()
+    if plain[:2].lower() == "0x" and _NUMBER.match(plain):
+        return float(int(plain, 16))
     if _THOUSANDS[decimal].match(plain):
         plain = plain.replace("." if decimal == "," else ",", "")
     plain = plain.replace(decimal, ".")
     return float(plain) if _NUMBER.match(plain) and "," not in plain else float("nan")
 
 
-def _score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
+def score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
     """How much of a text is rows of numbers by a delimiter (0 … 1), and how many cells they have."""
     tail = lines[len(lines) // 2 :] or lines
-    rows = [split(line, delimiter) for _, line in tail]
+    closed = _closed([line for _, line in tail], delimiter)
+    rows = [split(line, delimiter, closed=closed) for _, line in tail]
     ((columns, times),) = Counter(len(cells) for cells in rows).most_common(1) or ((0, 0),)
     if columns < 2:
         return 0.0, columns
     regular = [cells for cells in rows if len(cells) == columns]
     return times / len(rows) * _numeric_share(regular) ** 0.5, columns
+
+
+def _closed(lines: list[str], delimiter: str) -> bool:
+    """Whether a delimiter ends each row; where it ends some, their last cell is empty."""
+    ends = sum(line.rstrip("\r\n ").endswith(delimiter) for line in lines)
+    return ends > CLOSED * len(lines)
 
 
 def _numeric_share(rows: list[list[str]]) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from station.adapters.recordings import arrow, matlab, mf4_signals
+from station.adapters.recordings import arrays, arrow, matlab, mf4_signals
 from station.adapters.recordings.limits import check_names, check_unfolded
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
@@ -16,7 +16,7 @@ from station.errors import SamplesError
 from station.files.limited_process import Block, receive_blocks, send_blocks
 
 _TABLE, _COLUMN = b"T", b"C"
-READERS = {"parquet": arrow.read_parquet, "matlab": matlab.read, "mf4": mf4_signals.read}
+READERS = {"parquet": arrow.read_parquet, "matlab": matlab.read, "mf4": mf4_signals.read, "arrays": arrays.read}
 
 
 def read(path: Path, kind: str) -> list[RawTable]:

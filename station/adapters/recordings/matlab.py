@@ -14,6 +14,8 @@ from station.errors import SamplesError
 from station.messages import Message
 
 _CORRUPT = (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, OverflowError, zlib.error)
+#: How a file of HDF5 begins.
+HDF5 = b"\x89HDF"
 #: Names of scalars that state the rate.
 RATES = ("fs", "rate", "rate_hz", "sample_rate", "samplerate", "sampling_rate", "fsamp", "frequency")
 
@@ -24,15 +26,24 @@ def read(path: Path) -> list[RawTable]:
     from scipy.io.matlab import MatReadError
 
     file = str(path)
+    with path.open("rb") as opened:
+        plain_hdf5 = opened.read(4) == HDF5
     try:
-        found = io.loadmat(file, squeeze_me=True, struct_as_record=False, mat_dtype=False)
+        found = (
+            _hdf5(path) if plain_hdf5 else io.loadmat(file, squeeze_me=True, struct_as_record=False, mat_dtype=False)
+        )
     except NotImplementedError:
         found = _hdf5(path)
     except (*_CORRUPT, MatReadError):
         raise SamplesError("recording-not-parsed", file=file, reason=Message("content-damaged")) from None
+    return tables_of(file, {k: v for k, v in found.items() if not k.startswith("__")})
+
+
+def tables_of(file: str, found: Mapping[str, Any]) -> list[RawTable]:
+    """One table for each length of the columns of named arrays. Errors: SamplesError."""
     groups: dict[int, list[RawColumn]] = {}
     rate_hz = None
-    for name, value in _leaves({k: v for k, v in found.items() if not k.startswith("__")}):
+    for name, value in _leaves(found):
         if value.size == 1 and name.rpartition(".")[2].lower() in RATES:
             rate_hz = float(value.reshape(-1)[0])
         for column in _columns(name, value):

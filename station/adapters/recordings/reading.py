@@ -36,6 +36,8 @@ def _read(path: Path, head: bytes) -> list[RawTable]:
         return limited.read(path, "parquet")
     if head.startswith((b"MDF  ", b"UnFinMF ", b"MDF")):
         return limited.read(path, "mf4")
+    if head.startswith(b"\x93NUMPY") or (path.suffix.lower() == ".npz" and head.startswith(b"PK")):
+        return limited.read(path, "arrays")
     if head.startswith((b"MATLAB", b"\x89HDF")) or (path.suffix.lower() == ".mat" and b"\0" in head):
         return limited.read(path, "matlab")
     return text.read(path)

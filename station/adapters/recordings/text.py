@@ -5,29 +5,25 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from station.adapters.recordings import arrow, dialect, echoed, kinds
+from station.adapters.recordings import arrow, cells, dialect, echoed, json_rows, kinds, stamps, wrapped
 from station.adapters.recordings.dialect import Dialect
 from station.adapters.recordings.limits import MOST_LINE, check_shape
-from station.domain.core.types import Array
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 from station.messages import Message
 
 #: Rows of another length than the rest may be this share: a last line cut off, a message between.
-RAGGED = 0.002
+RAGGED, FEW_RAGGED = 0.002, 5
 #: Bytes of no text.
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
-_CLOCK = re.compile(
-    r"^(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)(?:Z|[+-]\d{2}:?\d{2}| ?([AP])M)?$", re.IGNORECASE
-)
 
 
 def read(path: Path) -> list[RawTable]:
     """A table of each kind of rows. Errors: SamplesError with the line at fault."""
     file = str(path)
     text, nuls = _decoded(path)
+    if records := json_rows.tables(text):
+        return [_table(file, lines, nuls) for lines in records]
     lines = text.splitlines()
     if not lines:
         raise SamplesError("recording-empty", file=file)
@@ -36,6 +32,8 @@ def read(path: Path) -> list[RawTable]:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
     lines = echoed.table_lines(lines) or lines
     parts = [part for part in kinds.apart(lines) if _is_table(part)] or [lines]
+    if len(parts) == 1 and (unwrapped := wrapped.table_lines(dialect.without_keys(parts[0]))) is not None:
+        parts = [unwrapped]
     return [_table(file, part, nuls) for part in parts]
 
 
@@ -89,7 +87,7 @@ def _parsed(file: str, lines: list[str], found: Dialect, places: list[int]) -> t
     if found.delimiter == " ":
         lines = ["\t".join(line.split()) for line in lines]
     else:
-        lines = [line.rstrip().removesuffix(delimiter) if len(found.units) else line for line in lines]
+        lines = [_row(line, delimiter, closed=found.closed) for line in lines]
     wrong: list[tuple[int, int]] = []
 
     def skip(row: Any) -> str:
@@ -106,36 +104,23 @@ def _parsed(file: str, lines: list[str], found: Dialect, places: list[int]) -> t
         table = csv.read_csv(io.BytesIO("\n".join(lines).encode()), options, parse, convert)
     except pa.ArrowInvalid:
         raise SamplesError("recording-not-parsed", file=file, reason=Message("content-damaged")) from None
-    if len(wrong) > max(RAGGED * len(lines), 1):
+    if len(wrong) > max(RAGGED * len(lines), min(FEW_RAGGED, 0.1 * len(lines))):
         line, cells = wrong[0]
         number = places[min(max(line - 1, 0), len(places) - 1)] + 1
         raise SamplesError("row-of-other-length", file=file, line=number, cells=cells, columns=found.columns)
     return table, len(wrong)
 
 
+def _row(line: str, delimiter: str, *, closed: bool) -> str:
+    plain = line.rstrip(" \r\n")
+    return plain.removesuffix(delimiter) if closed else plain
+
+
 def _column(name: str, unit: str, column: Any, found: Dialect) -> RawColumn:
-    """Numbers, times of day or text."""
+    """Numbers, times or text."""
     values, text, more = arrow.column(column)
-    if text is not None and (numbers := _from_text(text.text(), found.decimal)) is not None:
-        clock = unit or ("s" if _CLOCK.match(str(next((t for t in text.names if t), ""))) else "")
-        return RawColumn(name, numbers, None, clock)
+    if text is not None and (read := cells.numbers(text.text(), found.decimal)) is not None:
+        return RawColumn(name, read[0], None, unit or read[1])
+    if values is not None and stamps.are_dates(values):
+        return RawColumn(name, stamps.seconds(values), None, "s")
     return RawColumn(name, values, text, more or unit)
-
-
-def _from_text(cells: Array, decimal: str) -> Array | None:
-    """Numbers of cells of which a few are none, or seconds of times of day; None where it is text."""
-    sample = [str(c) for c in cells[:200] if str(c).strip()]
-    if sample and all(_CLOCK.match(c.strip()) for c in sample):
-        return np.array([_seconds(str(c)) for c in cells], float)
-    if sum(map(dialect.is_number, sample)) <= 0.5 * max(len(sample), 1):
-        return None
-    return np.array([dialect.cell_value(str(c), decimal) for c in cells], float)
-
-
-def _seconds(cell: str) -> float:
-    """Seconds since midnight, or noon where the hours are of a clock of twelve; NaN where it is no time."""
-    found = _CLOCK.match(cell.strip())
-    if found is None:
-        return float("nan")
-    hours = int(found[1]) % 12 + (12 if found[4].upper() == "P" else 0) if found[4] else int(found[1])
-    return hours * 3600 + int(found[2]) * 60 + float(found[3].replace(",", ".").replace(":", "."))

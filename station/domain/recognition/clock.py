@@ -9,10 +9,12 @@ from station.domain.core.types import Array, Floats
 from station.domain.recognition.sheet import rate_of
 from station.errors import SamplesError
 
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 _SPELLINGS = {
     "s": "s", "sec": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms", "us": "us",
     "µs": "us", "μs": "us", "usec": "us", "micros": "us", "ns": "ns", "nsec": "ns", "nanos": "ns", "utc": "s",
+    "min": "min", "mins": "min", "minutes": "min", "h": "h", "hr": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
+    "datenum": "d",
 }  # fmt: skip
 #: The rate that recordings of such sensors have, as a middle and as limits, Hz.
 TYPICAL_HZ, LEAST_HZ, MOST_HZ = 100.0, 0.5, 30_000.0
@@ -20,6 +22,8 @@ TYPICAL_HZ, LEAST_HZ, MOST_HZ = 100.0, 0.5, 30_000.0
 SAME_RATE = 0.3
 #: Stamps of the present day since 1970, s.
 EPOCH_S = (5e8, 5e9)
+#: Stamps are coarse where fewer than this share of the readings has a new one, and tell the rate where so many change.
+COARSE, LEAST_CHANGES = 0.2, 4
 #: More stamps than this share going back, and the rows are out of order.
 BACKWARDS = 0.1
 
@@ -75,6 +79,7 @@ def stamped(
     time_s = time_s[order] - time_s[order[0]]
     if not time_s[-1] > 0:
         raise SamplesError("stamps-stand-still", file=file, column=name)
+    time_s = _between_changes(time_s)
     steps = np.diff(time_s)
     middle = float(np.median(steps[steps > 0]))
     gap = steps > max(5 * middle, 0.25)
@@ -82,6 +87,19 @@ def stamped(
     return SampleClock(
         time_s, order, unit, inferred, found_hz or 1 / middle, "data", jitter_s, int(gap.sum()), restarts
     )
+
+
+def _between_changes(time_s: Floats) -> Floats:
+    """Stamps that stand still for many readings, as whole seconds do: a line from change to change."""
+    changes = np.flatnonzero(np.diff(time_s) > 0) + 1
+    if len(changes) < LEAST_CHANGES or len(changes) > COARSE * len(time_s):
+        return time_s
+    places = np.arange(len(time_s))
+    step = float((time_s[changes[-1]] - time_s[changes[0]]) / (changes[-1] - changes[0]))
+    between = np.interp(places, changes, time_s[changes])
+    between = np.where(places < changes[0], time_s[changes[0]] + (places - changes[0]) * step, between)
+    between = np.where(places > changes[-1], time_s[changes[-1]] + (places - changes[-1]) * step, between)
+    return np.asarray(between - between[0])
 
 
 def unit_of_name(name: str, stated: str) -> str | None:
@@ -108,6 +126,8 @@ def _by_size(raw: Floats, first: float, rate_hz: float) -> str:
     if not span > 0:
         return "s"
     rates = {unit: (len(raw) - 1) / (span * size) for unit, size in TIME_UNITS.items()}
-    fits = {unit: rate for unit, rate in rates.items() if LEAST_HZ <= rate <= MOST_HZ} or rates
+    usual = {unit: rates[unit] for unit in ("s", "ms", "us", "ns")}
+    fits = {unit: rate for unit, rate in usual.items() if LEAST_HZ <= rate <= MOST_HZ}
+    fits = fits or {unit: rate for unit, rate in rates.items() if LEAST_HZ <= rate <= MOST_HZ} or rates
     today = [unit for unit in fits if EPOCH_S[0] < first * TIME_UNITS[unit] < EPOCH_S[1]]
     return today[0] if today else min(fits, key=lambda unit: abs(np.log(fits[unit] / rate_hz)))

@@ -20,6 +20,8 @@ _COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序�
 _TEMPERATURE = re.compile(r"temp|thermo|degc|°c|温", re.IGNORECASE)
 _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orient|state|name|标签|位置", re.IGNORECASE)
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
+#: Units of stamps.
+TIME_UNITS = ("s", "ms", "us", "ns")
 #: Axes as names number them.
 _NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
 #: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.
@@ -195,11 +197,20 @@ def _time(table: RawTable, assigned: set[int | None]) -> int | None:
         return min(rising, key=lambda i: (_is_counter(table.columns[i], named=True), _coarseness(table.numbers(i))))
     if named:
         return named[0]
+    in_time = [i for i in free if table.columns[i].unit in TIME_UNITS and _rises(table.columns[i].values)]
+    if in_time:
+        return in_time[0]
     counted = [i for i in free if table.named and _COUNTER.search(table.columns[i].name)]
     rising = [i for i in (counted if table.named else free[:2]) if _rises(table.columns[i].values)]
     if rising:
         return rising[0]
     return next((i for i in free[:2] if _is_steady_clock(table.numbers(i))), None)
+
+
+def unread_time(table: RawTable) -> RawColumn | None:
+    """The column of text that is named like time, whose stamps nobody could read."""
+    texts = [c for c in table.columns if c.text is not None and table.named and _TIME.search(c.name)]
+    return next((c for c in texts if c.text is not None and len(c.text.names) > LEAST_STEPS), None)
 
 
 def _is_steady_clock(values: Floats) -> bool:

@@ -75,8 +75,17 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         clock=ticks,
         scale=scale,
         unit=unit,
-        remarks=(*table.remarks, *remarks, *lost),
+        remarks=(*table.remarks, *remarks, *lost, *_unread(table, roles, ticks)),
     )
+
+
+def _unread(table: RawTable, roles: Roles, ticks: SampleClock) -> tuple[Message, ...]:
+    """What is said of stamps that nobody could read, where nothing else tells the rate."""
+    column = columns.unread_time(table) if roles.time is None and ticks.source == "assumed" else None
+    if column is None or column.text is None:
+        return ()
+    stamp = next((name for name in column.text.names if name.strip()), "")[:40]
+    return (Message("stamps-unread", file=table.source, column=column.name, stamp=stamp, rate_hz=ticks.rate_hz),)
 
 
 def _clock(

@@ -1,0 +1,78 @@
+"""Lines whose numbers stand among words, arrows and brackets, all in one pattern: lines of a table."""
+
+import re
+from collections import Counter
+from itertools import pairwise
+
+from station.adapters.recordings import dialect, stamps
+
+#: A time of day, perhaps behind a date; and a number that is no part of a word.
+_VALUE = re.compile(
+    r"(?P<clock>(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?)"
+    r"|(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w])"
+)
+_CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2}\s*$")
+_NAME = re.compile(r"([A-Za-z_]\w*)\W{0,2}[:=]\W{0,2}$")
+_CLOCK, _NUMBER = "@", "#"
+#: Of the lines at least this share have the pattern, which is looked for in so many.
+MOSTLY, LEAST_ROWS = 0.6, 20
+#: Cells that change this seldom from line to line are labels.
+SELDOM = 0.1
+
+
+def table_lines(lines: list[str]) -> list[str] | None:
+    """A header, where the pattern names its numbers, and a row a line; None where the lines are a plain table."""
+    middle = [line for line in lines[len(lines) // 2 :][: dialect.HEAD] if line.strip()]
+    if len(middle) < LEAST_ROWS:
+        return None
+    if sum(_CHECKSUM.search(line) is not None for line in middle) > MOSTLY * len(middle):
+        return table_lines([_plain(line) for line in lines]) or [_plain(line) for line in lines]
+    if not _is_wrapped(middle):
+        return None
+    ((pattern, times),) = Counter(_pattern(line) for line in middle).most_common(1)
+    if times < MOSTLY * len(middle) or pattern.count(_NUMBER) < 3:
+        return None
+    rows = [[m[0].replace(",", ".") for m in _VALUE.finditer(_plain(x))] for x in lines if _pattern(x) == pattern]
+    names = _names(pattern)
+    return [*([";".join(names)] if names else []), *(";".join(row) for row in rows)]
+
+
+def _is_wrapped(lines: list[str]) -> bool:
+    """Whether as a plain table the lines have fewer than three columns of numbers, or a cell of several values."""
+    scored = [(dialect.score(list(enumerate(lines)), d), d) for d in dialect.DELIMITERS]
+    (_, columns), delimiter = max(scored, key=lambda s: (round(s[0][0], 2), s[1]))
+    rows = [cells for line in lines if len(cells := dialect.split(line, delimiter)) == columns]
+    if columns < 3 or len(rows) < LEAST_ROWS:
+        return True
+    by_column = list(zip(*rows, strict=True))
+    numeric = sum(sum(map(dialect.is_number, cells)) > 0.5 * len(cells) for cells in by_column)
+    return numeric < 3 or any(_holds_several(cells) for cells in by_column)
+
+
+def _holds_several(cells: tuple[str, ...]) -> bool:
+    if sum(map(dialect.is_number, cells)) > 0.5 * len(cells) or stamps.are_stamps(list(cells)):
+        return False
+    ((pattern, times),) = Counter(map(_pattern, cells)).most_common(1)
+    changes = sum(a != b for a, b in pairwise(cells))
+    values = pattern.count(_NUMBER) + pattern.count(_CLOCK)
+    beside = re.sub(r"[\s#@:/.+-]", "", pattern)
+    wrapped = values > 1 or (values == 1 and beside and _NUMBER in pattern)
+    return bool(wrapped and beside and times > 0.8 * len(cells) and changes > SELDOM * len(cells))
+
+
+def _plain(line: str) -> str:
+    return _CHECKSUM.sub("", line.strip())
+
+
+def _pattern(line: str) -> str:
+    return re.sub(r"\s+", " ", _VALUE.sub(lambda m: _CLOCK if m["clock"] else _NUMBER, _plain(line)))
+
+
+def _names(pattern: str) -> list[str]:
+    """The names of all values of a pattern; none where not each has its own."""
+    parts = re.split(f"([{_NUMBER}{_CLOCK}])", pattern)
+    names = []
+    for before, value in zip(parts[::2], parts[1::2], strict=False):
+        found = _NAME.search(before)
+        names.append("time" if value == _CLOCK else found[1] if found else "")
+    return names if all(names) and len(set(names)) == len(names) else []
