@@ -93,6 +93,15 @@ def test_names_that_tell_a_quantity_go_before_names_that_tell_none(
     check(one, axes=["gx", "gy", "gz"], reading_unit="deg/s")
 
 
+def test_readings_of_gravity_go_before_names_of_other_quantities(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = tumble(rng) * G
+    rows = np.c_[np.arange(len(y)) / 100, y, 0.02 * rng.standard_normal(y.shape), y / G * 40]
+    one = understood(capsys, saved(tmp_path / "log.csv", rows, header="time,tx,ty,tz,wx,wy,wz,mx,my,mz"))
+    check(one, axes=["tx", "ty", "tz"], raw_unit="m/s²", visits=8)
+
+
 def test_a_sensor_that_is_not_there_is_none(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
     rows = np.c_[np.zeros((400, 3)), iron(rng, 48.0, 10.0)]
     one = understood(capsys, saved(tmp_path / "log.csv", rows, header="acc_x,acc_y,acc_z,mag_x,mag_y,mag_z"))

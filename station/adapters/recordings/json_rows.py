@@ -16,7 +16,7 @@ FEW_WORDS = 20
 Record = dict[str, Any]
 
 
-def tables(text: str) -> list[list[str]]:
+def json_tables(text: str) -> list[list[str]]:
     """Lines, the first a header, of each table that a JSON text holds; none where it is no JSON."""
     if len(text) > MOST_CHARACTERS or not text.lstrip("\ufeff \t\r\n").startswith(("{", "[")):
         return []

@@ -22,7 +22,7 @@ def read(path: Path) -> list[RawTable]:
     """A table of each kind of rows. Errors: SamplesError with the line at fault."""
     file = str(path)
     text, nuls = _decoded(path)
-    if records := json_rows.tables(text):
+    if records := json_rows.json_tables(text):
         return [_table(file, lines, nuls) for lines in records]
     lines = text.splitlines()
     if not lines:
@@ -32,7 +32,7 @@ def read(path: Path) -> list[RawTable]:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
     lines = echoed.table_lines(lines) or lines
     parts = [part for part in kinds.apart(lines) if _is_table(part)] or [lines]
-    if len(parts) == 1 and (unwrapped := wrapped.table_lines(dialect.without_keys(parts[0]))) is not None:
+    if len(parts) == 1 and (unwrapped := wrapped.unwrapped_lines(dialect.without_keys(parts[0]))) is not None:
         parts = [unwrapped]
     return [_table(file, part, nuls) for part in parts]
 

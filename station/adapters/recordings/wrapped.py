@@ -20,13 +20,13 @@ MOSTLY, LEAST_ROWS = 0.6, 20
 SELDOM = 0.1
 
 
-def table_lines(lines: list[str]) -> list[str] | None:
+def unwrapped_lines(lines: list[str]) -> list[str] | None:
     """A header, where the pattern names its numbers, and a row a line; None where the lines are a plain table."""
     middle = [line for line in lines[len(lines) // 2 :][: dialect.HEAD] if line.strip()]
     if len(middle) < LEAST_ROWS:
         return None
     if sum(_CHECKSUM.search(line) is not None for line in middle) > MOSTLY * len(middle):
-        return table_lines([_plain(line) for line in lines]) or [_plain(line) for line in lines]
+        return unwrapped_lines([_plain(line) for line in lines]) or [_plain(line) for line in lines]
     if not _is_wrapped(middle):
         return None
     ((pattern, times),) = Counter(_pattern(line) for line in middle).most_common(1)

@@ -1,7 +1,6 @@
 """What a table measures where no recipe says: by the names of its columns, of the file, or by the readings' size."""
 
 import re
-from pathlib import PurePath
 
 import numpy as np
 
@@ -31,7 +30,8 @@ def unit_of(table: RawTable, options: ImportOptions) -> str:
         return next(iter(QUANTITIES))
     called = [unit for unit, roles in found.items() if roles.rank < columns.NAMELESS]
     if called and options.columns is None:
-        return called[0]
+        gravity = "g" not in called and "g" in found and _like_gravity(table, found["g"])
+        return "g" if gravity else called[0]
     best = min(found, key=lambda unit: found[unit].rank)
     named = [u for u, word in _WORDS.items() if u in found and _in_name(table.source, word)]
     if named:
@@ -40,24 +40,28 @@ def unit_of(table: RawTable, options: ImportOptions) -> str:
 
 
 def _in_name(source: str, word: str) -> bool:
-    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", PurePath(source).stem)
+    name = re.split(r"[\\/]", source)[-1]
+    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)
     return any(re.match(word, part.lower()) for part in parts)
 
 
 def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
     """Whether readings are of no acceleration's size, or too far off its centre, and of a magnetic field's size."""
-    readings = {unit: _reading(table, found[unit].axes) for unit in ("g", "uT") if unit in found}
-    if any(bool(np.all(r[:1000] % 1 == 0)) for r in readings.values()):
+    reading = _reading(table, found["uT"].axes)
+    if bool(np.all(reading[:1000] % 1 == 0)) or ("g" in found and _like_gravity(table, found["g"])):
         return False
-    means = {unit: _means(reading) for unit, reading in readings.items()}
-    if "g" in means:
-        centre, radius = sphere(means["g"])
-        near = float(np.linalg.norm(centre)) <= MOST_OFFSET * radius
-        if near and from_magnitude(means["g"], QUANTITIES["g"], whole=False).unit != "LSB":
-            return False
     low, high = QUANTITIES["uT"].sizes or (0.0, 0.0)
-    size = sphere(means["uT"])[1]
+    size = sphere(_means(reading))[1]
     return any(low <= size * factor <= high for factor in QUANTITIES["uT"].factors.values())
+
+
+def _like_gravity(table: RawTable, roles: Roles) -> bool:
+    """Whether readings go round near zero in a magnitude that is one g in a known unit."""
+    means = _means(_reading(table, roles.axes))
+    centre, radius = sphere(means)
+    near = float(np.linalg.norm(centre)) <= MOST_OFFSET * radius
+    turns = float(np.linalg.norm(means.std(axis=0))) > columns.LEAST_TURN * radius
+    return near and turns and from_magnitude(means, QUANTITIES["g"], whole=False).unit != "LSB"
 
 
 def _reading(table: RawTable, axes: tuple[int, int, int]) -> Floats:
