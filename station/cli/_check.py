@@ -138,9 +138,11 @@ def _cycle_time(subject: CheckSubject) -> CheckSection:
 
     path, log = _own_log(subject.request)
     with nullcontext() if log is None else log:
-        found = forecast_cycle(subject.recipe, log)
+        units = len(load_settings(subject.request.config).nests)
+        found = forecast_cycle(subject.recipe, log, units)
     source = "cycle-time-same" if found.same else "cycle-time-others" if found.attempts else "cycle-time-usual"
-    message = Message(source, cycle_s=found.cycle_s, attempts=found.attempts, log=str(path))
+    load = {"cycle_s": found.cycle_s, "units": units, "one_s": found.one_s}
+    message = Message(source, **load, attempts=found.attempts, log=str(path))
     return CheckSection("cycle_s", found.cycle_s, (render(message),))
 
 

@@ -28,19 +28,22 @@ class TimedVisit:
 
 @dataclass(frozen=True, slots=True)
 class TimedAttempt:
-    """A stored attempt that passed, with the recipe it was made by. dwell_s: planned, of each visit of the recipe."""
+    """A stored attempt that passed, with the recipe it was made by. dwell_s: planned, of each visit of the recipe;
+    units: how many were on the fixture with it, itself included."""
 
     recipe: Recipe
     dwell_s: Floats
     duration_s: float
     visits: tuple[TimedVisit, ...]
+    units: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """What a station takes beside planned settling and dwell, s. begin: identification; extra: of each visit; turn:
-    of a move, as turn_s + angle · turn_s_per_deg; change: computing, writing, saving, restarting after the last visit
-    before the verification; reload: between runs, beside warming up; end: closing the record."""
+    """What a station takes beside planned settling and dwell, s. begin: identification of a unit; extra: of each visit;
+    turn: of a move, as turn_s + angle · turn_s_per_deg; change: computing, writing, saving, restarting a unit after the
+    last visit before the verification; reload: between runs, beside warming up; end: closing the record. Units are
+    identified and written one after the other."""
 
     begin_s: float = 0.05
     extra_s: float = 0.03
@@ -65,11 +68,12 @@ class _Leg:
     prewarm_s: float = 0.0
 
 
-def predict_s(recipe: Recipe, dwell_s: Floats, pace: Pace) -> float:
-    """Time from the start of an attempt to its end, s. dwell_s: planned, of each visit of the recipe."""
-    extra = {"start": pace.begin_s, "turn": 0.0, "reload": pace.reload_s, "change": pace.change_s}
+def predict_s(recipe: Recipe, dwell_s: Floats, pace: Pace, units: int = 1) -> float:
+    """Time from the start of an attempt to its end, s. dwell_s: planned, of each visit; units: of a load."""
+    begin_s, change_s = units * pace.begin_s, units * pace.change_s
+    extra = {"start": begin_s, "turn": 0.0, "reload": pace.reload_s, "change": change_s}
     legs = list(_legs(recipe, dwell_s))
-    end_s = pace.end_s if recipe.verify.positions else pace.change_s + pace.end_s
+    end_s = pace.end_s if recipe.verify.positions else change_s + pace.end_s
     return end_s + sum(
         extra[leg.kind] + pace.move_s(leg.angle_deg) + leg.stay_s + pace.extra_s + leg.prewarm_s for leg in legs
     )
@@ -92,7 +96,7 @@ def learn(attempts: Sequence[TimedAttempt]) -> Pace:
         if attempt.recipe.verify.positions:
             parts.setdefault("end", []).append(attempt.duration_s - before_s)
         else:
-            parts.setdefault("change", []).append(attempt.duration_s - before_s - usual.end_s)
+            parts.setdefault("change", []).append((attempt.duration_s - before_s - usual.end_s) / attempt.units)
     turn_s, per_deg = _line(moves, usual)
     moved = Pace(turn_s=turn_s, turn_s_per_deg=per_deg)
     for attempt, legs in paired:
@@ -100,7 +104,8 @@ def learn(attempts: Sequence[TimedAttempt]) -> Pace:
         for visit, leg in zip(attempt.visits, legs, strict=True):
             if leg.kind != "turn":
                 gap_s = visit.arrived_s - before_s - leg.prewarm_s - moved.move_s(leg.angle_deg)
-                parts.setdefault(leg.kind, []).append(gap_s)
+                share = 1 if leg.kind == "reload" else attempt.units
+                parts.setdefault(leg.kind, []).append(gap_s / share)
             before_s = visit.left_s
     median = {name: float(np.median(values)) for name, values in parts.items()}
     return Pace(
