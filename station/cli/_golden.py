@@ -54,6 +54,8 @@ def manage_golden_units(
         golden_register.save(register, units)
     elif action not in ("check", "list"):
         raise UsageError("golden-unknown-action", action=action[:20])
+    elif serial is not None:
+        raise UsageError("golden-of-all", action=action, serial=serial[:40])
     standings = golden_register.standings(settings, partial(find_log, database))
     if as_json:
         document = {"schema": golden_register.SCHEMA, "units": [asdict(u) for u in units.values()]}

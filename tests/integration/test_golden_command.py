@@ -81,6 +81,8 @@ def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[st
     for words, shown in (
         (("golden", "polish"), "There is no action"),
         (("golden", "register"), "Name the unit"),
+        (("golden", "check", "SN0001"), "leave the serial out"),
+        (("golden", "list", "SN0001"), "leave the serial out"),
         (("golden", "remove", "SN1"), "is not registered"),
         (("golden", "register", "SN0001"), "station.db"),
         (("golden", "register", "SN0001", "--value", "gain z=nan:1"), "must be NAME=VALUE:U"),
