@@ -106,6 +106,38 @@ def _each_nest_by(course: Callable[[World], Array]) -> Hidden:
     return adds(lambda w, rng: rng.amplitude(3e-4, (2, 3))[w.nest] * course(w)[:, None])
 
 
+def _base_gives_under_load(w: World, rng: Scaled) -> tuple[Array, Array]:
+    """The rig leans the more, the harder its motors pull."""
+    lean = np.array([*rng.amplitude(3e-4, (2,)), 0.0])
+    return w.feel(station=lean * w.motor[:, None]), np.zeros_like(w.a)
+
+
+def _shock_that_fades(w: World, rng: Scaled) -> Array:
+    """One unit in one run: from some moment on another offset, which dies away within some visits."""
+    since = w.t - rng.uniform(0.2, 0.6) * w.t.max()
+    hit = (w.unit == 0) & (w.run == int(w.run.max())) & (since >= 0)
+    return np.where(hit, np.exp(-np.maximum(since, 0.0) / (0.12 * w.t.max())), 0.0)
+
+
+def _swinging_gain(w: World, rng: Scaled) -> Array:
+    """Another phase in each run of each unit."""
+    at = 2 * np.pi * rng.uniform(1.2, 2.6) * w.t / w.t.max() + 2.4 * (w.run + 5 * w.unit)
+    return np.sin(at)[:, None] * w.a
+
+
+def _last_but_one(w: World, rng: Scaled) -> Array:
+    """What was felt two visits ago still tells."""
+    first = np.flatnonzero(np.diff(w.stop, prepend=-1))
+    before = w.before[first]
+    ahead = np.r_[before[:1], before[:-1]]
+    ahead[w.visit[first] < 2] = before[w.visit[first] < 2]
+    return ahead[w.stop] - w.a
+
+
+def _dwell_with_temperature(w: World, rng: Scaled) -> Array:
+    return (w.T - w.T.mean()) * np.exp(-w.away / 0.3)
+
+
 def _move(w: World) -> Array:
     return np.linalg.norm(w.before - w.a, axis=1)
 
@@ -133,6 +165,12 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "hysteresis across axes": ({"order"}, per_unit(3e-4, _across_the_step)),
     "arrival under vibration": ({"dwell-phase", "motor"}, per_unit(3e-4, _arriving_under_vibration)),
     "nest that creeps in the run": ({"time", "group"}, _each_nest_by(lambda w: _share(w.t))),
+    "nest that warms": ({"temperature", "group"}, _each_nest_by(lambda w: w.T - w.T.mean())),
+    "base that gives under load": ({"motor"}, _base_gives_under_load),
+    "shock that fades": ({"time"}, per_unit(3e-4, _shock_that_fades)),
+    "swinging gain": ({"time", "input"}, per_unit(3e-4, _swinging_gain)),
+    "position before the last": ({"order"}, per_unit(3e-4, _last_but_one)),
+    "course of the dwell by temperature": ({"dwell-phase"}, per_unit(3e-5, _dwell_with_temperature)),
     "nest that gives with the move": ({"order", "group"}, _each_nest_by(_move)),
     "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
 }

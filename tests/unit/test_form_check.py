@@ -37,8 +37,9 @@ def test_odds_fall_by_e_with_each_nat_that_a_law_gains() -> None:
 @pytest.mark.parametrize(
     ("lead", "tied", "doubts"),
     [
-        (1.0, 0.0, ()),  # two to one for the cause
-        (3.0, 0.0, ("input",)),  # two to one against it: a law follows the data better
+        (1.0, 0.0, ()),  # three to two for the cause
+        (2.0, 0.0, ("input",)),  # three to two against it
+        (3.0, 0.0, ("input",)),  # a law follows the data far better
         (3.0, 50.0, ("input",)),
         (-math.inf, 0.0, ()),
     ],

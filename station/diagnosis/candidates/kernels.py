@@ -18,10 +18,18 @@ from station.diagnosis.data.reduce import mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
+from station.model.effect import Effect
 from station.model.forward import resting_stimulus
 
 #: The words of `unknown.depends_on`.
 COVARIATES = ("time", "position", "temperature", "input", "dwell-phase", "order", "unit", "group", "motor")
+#: The same for what causes are drawn over; the others are drawn over the input or what is read of it.
+_ACTS_BY = {
+    "dwell": "dwell-phase", "spectrum": "dwell-phase", "order": "order", "step": "order", "run": "order",
+    "temperature": "temperature", "temperature-input": "temperature", "temperature-rate": "temperature",
+    "time": "time", "since-clamp": "time", "since-power": "time", "position": "position", "visits": "position",
+    "motor": "motor", "unit": "unit", "group": "group",
+}  # fmt: skip
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input")
 #: All kernels.
@@ -32,17 +40,25 @@ MOVING_KERNEL = "dwell-phase"
 LAG, PLAY = 0.3, 0.4
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
+#: Whole waves in a run, in steps that none falls between.
+SWINGS = (1.0, 1.7, 2.5)
 
 
 def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
-    makers = (_time, _order, _position, _temperature, _input, _phase, _unit, _group, _motor, _products)
+    still = (_time, _order, _position, _temperature, _input, _unit, _group, _motor, _products, _swinging_gain)
+    makers = (*still, _phase)
     return [candidate for make in makers for candidate in make(view)]
 
 
 def covariates_of(name: str) -> tuple[str, ...]:
     """On what a kernel depends: one word of `depends_on`, or two."""
     return tuple(name.split("*"))
+
+
+def acts_by(effect: Effect | type[Effect]) -> str:
+    """The word of `unknown.depends_on` for what a cause acts by."""
+    return _ACTS_BY.get(effect.drawn_over, "input")
 
 
 def _kernel(name: str, of: str, view: ResidualView, stop: Floats, dwell: Floats | None = None) -> Candidate:
@@ -81,20 +97,40 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
         columns = _each_axis(np.cos(np.pi * share[:, None] * np.array(waves)))
         for of in _levels(view, "run", "unit", "common"):
             yield _kernel("time", of, view, columns)
-    # One swing in a run, with any phase: few numbers, where a run has few visits.
-    columns = _each_axis(np.stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share)], axis=1))
-    for of in _levels(view, "run", "unit", "common"):
-        yield _kernel("time", of, view, columns)
+    # Some swings in a run, with any phase: few numbers, where a run has few visits.
+    for swing in _swings(view):
+        columns = _each_axis(np.concatenate(swing, axis=1))
+        for of in _levels(view, "run", "unit", "common"):
+            yield _kernel("time", of, view, columns)
+
+
+def _swings(view: ResidualView) -> Iterator[tuple[Floats, Floats]]:
+    """Cosine and sine (v, 1) of some periods in the longest run."""
+    t = view.scene.time_s
+    share = (t - t.min())[:, None] / max(float(np.ptp(t)), 1e-9)
+    for cycles in SWINGS:
+        yield np.cos(2 * np.pi * cycles * share), np.sin(2 * np.pi * cycles * share)
+
+
+def _diagonal(values: Floats) -> Floats:
+    """Values (v, 3) of each axis on that axis alone: columns (v, 3, 3)."""
+    return np.asarray(np.eye(3) * values[:, None, :])
 
 
 def _order(view: ResidualView) -> Iterator[Candidate]:
-    """Every second stop, the step from the one before on any axis, and the position before."""
+    """Every second stop, the step from the one before on any axis, what each axis felt before that, and the position
+    before."""
     visits = view.scene.visits
     turn = _each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
-    step = _each_axis(_steps(view, resting_stimulus(view.scene, view.active)))
+    a = resting_stimulus(view.scene, view.active)
+    step = _each_axis(_steps(view, a))
+    last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
+    earlier = _diagonal(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
     for of in _levels(view, "unit", "common"):
         yield _kernel("order", of, view, turn)
         yield _kernel("order", of, view, step)
+        yield _kernel("order", of, view, earlier)
+        yield _kernel("order*input", of, view, _diagonal(a) * turn)
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
     yield _grouped("order", "previous", before.astype(np.int32), names, _ones(view))
@@ -148,7 +184,7 @@ def _input(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _phase(view: ResidualView) -> Iterator[Candidate]:
-    """Any course within the dwell: the same at each stop, following the last move, following the input."""
+    """Any course within the dwell: the same at each stop, following the last move, the input, or what is slow."""
     r = view.reduced
     if r.contrast.shape[1] == 0 or not np.any(r.count[:, 1:]):
         return
@@ -156,11 +192,20 @@ def _phase(view: ResidualView) -> Iterator[Candidate]:
     pulse = (blocks[:, None] == blocks[:-1]).astype(float)
     a = resting_stimulus(view.scene, view.active)
     step = _steps(view, a)
-    for size in (np.ones_like(a), step, a):
+    slow = (np.repeat(x, 3, axis=1) for x in _slow_courses(view))
+    for size in (np.ones_like(a), step, a, *slow):
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
         stop, dwell = mean_and_contrasts(rows, r.count)
         for of in _levels(view, "unit", "common"):
             yield _kernel(MOVING_KERNEL, of, view, stop, dwell)
+
+
+def _slow_courses(view: ResidualView) -> Iterator[Floats]:
+    """Time and temperature (v, 1) from -1 to 1, as far as they vary."""
+    T = view.scene.temperature_degC
+    for x in (view.scene.time_s, None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T):
+        if x is not None and np.ptp(x) > 0:
+            yield _scaled(x)[:, None]
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:
@@ -212,6 +257,15 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             columns = _each_axis(a) * factor[one][:, :, :1]
             for of in _levels(view, "unit", "common"):
                 yield _kernel(name, of, view, columns)
+
+
+def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
+    """A gain that swings in time, with any phase."""
+    a = resting_stimulus(view.scene, view.active)
+    for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
+        columns = np.concatenate([_diagonal(a * wave) for wave in swing], axis=2)
+        for of in _levels(view, "run", "unit", "common"):
+            yield _kernel("time*input", of, view, columns)
 
 
 def _factors(view: ResidualView) -> dict[str, Floats]:

@@ -12,12 +12,14 @@ from itertools import chain, combinations, product
 import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import has_jump
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
+from station.model.effect import Effect
 from station.model.forward import resting_stimulus
 
 #: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
@@ -31,7 +33,7 @@ LABELS = ("nest", "station", "lot", "operator")
 #: Temperatures at which a jump is tried as a switch.
 MAX_SWITCHES = 6
 #: Levels of the motors between which something may switch, at most.
-MAX_LEVELS = 5
+MAX_LEVELS = 24
 #: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
 KNEES = (0.2, 0.35, 0.5, 0.7)
 #: A step from the stop before that is taken up by play, as a share of the stimulus.
@@ -40,6 +42,8 @@ PLAY = 0.3
 LAGS, THERMAL_PLAYS = (0.1, 0.3, 1.0), (0.2, 0.5)
 #: The branch on which each run begins: fallen, in the middle, risen.
 BRANCHES = (-1.0, 0.0, 1.0)
+#: Visits within which what began at one dies away, and beginnings of one cause that are looked at.
+FADES, MOST_STARTS = (1.5, 4.0, 10.0), 4
 #: What the name of a law begins with; its covariates follow.
 PREFIX = "law:"
 
@@ -123,22 +127,69 @@ def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
 
 
 def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
-    """A course within the dwells that changes with a covariate, or grows with the move before it."""
-    if cause.dwell is None:
-        return
+    """A cause that changes with a covariate: a course within the dwells that does, or grows with the move before it;
+    and whatever stands still in a dwell, of one size at first."""
     curves = {name: of.plain for name, of in _curves(view)}
-    size = np.linalg.norm(_steps(view), axis=1)
-    for name, x in {**curves, "order": size}.items():
-        stop, dwell = cause.stop * x[:, None, None], cause.dwell * x[:, None, None, None]
-        yield replace(
-            cause,
-            name=f"{PREFIX}dwell-phase*{name}/{cause.of}",
-            effect=None,
-            stop=stop,
-            dwell=dwell,
-            plain=None,
-            own=(),
-        )
+    if cause.dwell is not None:
+        size = np.linalg.norm(_steps(view), axis=1)
+        for name, x in {**curves, "order": size}.items():
+            dwell = cause.dwell * x[:, None, None, None]
+            yield _law_of(cause, f"dwell-phase*{name}", cause.stop * x[:, None, None], dwell)
+    elif cause.effect is not None and cause.pattern != "scan":
+        word = acts_by(cause.effect)
+        # What follows the temperature and changes with it is a cause of the library of another degree.
+        for name, x in curves.items():
+            if name == word == "temperature":
+                continue
+            changed = cause.stop * x[:, None, None]
+            both = "*".join(dict.fromkeys((name, word)))
+            yield _law_of(cause, both, changed, None)
+            yield _law_of(cause, both, np.concatenate([cause.stop, changed], axis=2), None)
+        yield from _of_groups(cause, cause.effect, view)
+
+
+def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator[Candidate]:
+    """A cause that is another in each nest, station, lot or for each operator, of those that the library has for units
+    only."""
+    units = view.scene.visits.unit.code
+    for of in LABELS:
+        if of in effect.of or not view.scene.is_recorded(of):
+            continue
+        code, names = view.scene.group(of)
+        both = len(np.unique(np.stack([units, code]), axis=1).T)
+        if len(names) > 1 and not both == len(names) == view.grid.units:
+            law = _law_of(cause, f"{acts_by(effect)}*group", cause.stop, None)
+            yield replace(law, name=f"{law.name}/{of}", of=of, pattern="shared", code=code, names=names)
+
+
+def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[list[Candidate]]:
+    """Of each of some visits that are wrong, or jumps that stay: these alone, first of all, and what begins there and
+    dies away over the visits after it."""
+    one, times = cause.candidate, view.scene.time_s
+    stays = has_jump(one.effect)
+    if one.pattern != "scan" or not (stays or one.scans_visits):
+        return
+    begins = {g: e.at_s for e, groups in one.shapes.items() if stays for g in np.flatnonzero(groups)}  # type: ignore[attr-defined]
+    runs = view.scene.group("run")[0]
+    for group in np.flatnonzero(cause.hit)[:MOST_STARTS]:
+        first = int(np.flatnonzero(one.code == group)[0])
+        rows = one.code == group if stays else runs == runs[first]
+        since = times - begins.get(group, times[first])
+        after = rows & (since >= 0.0)
+        gaps = np.diff(np.unique(times[rows]))
+        if not len(gaps):
+            continue
+        usual = float(np.median(gaps))
+        courses = [after if stays else one.code == group]
+        courses += [after * np.exp(-np.maximum(since, 0.0) / (usual * fade)) for fade in FADES]
+        laws = _at_levels(view, (("time", (_each(np.asarray(x, float)),)) for x in courses), ("common",))
+        yield [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(laws)]
+
+
+def _law_of(cause: Candidate, word: str, stop: Floats, dwell: Floats | None) -> Candidate:
+    """Columns as a law that groups as a cause does."""
+    name = f"{PREFIX}{word}/{cause.of}"
+    return replace(cause, name=name, effect=None, stop=stop, dwell=dwell, plain=None, own=(), axis_scale=())
 
 
 def _laws(view: ResidualView) -> Iterator[Law]:

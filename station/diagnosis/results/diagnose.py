@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from station import plugins
+from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data import input_checks
 from station.diagnosis.data.faults import GrossFault, Inspection, inspect
@@ -176,16 +177,7 @@ def _remainder(searched: SearchResult, faults: tuple[GrossFault, ...], causes: t
 
 def _acts_by(effect_id: str) -> str:
     """The word of `unknown.depends_on` for what a cause acts by."""
-    return _WORDS.get(plugins.load_all("station.model.effects")[effect_id].drawn_over, "input")  # type: ignore[attr-defined]
-
-
-#: Words for what causes are drawn over; the others are drawn over the input or what is read of it.
-_WORDS = {
-    "dwell": "dwell-phase", "spectrum": "dwell-phase", "order": "order", "step": "order", "run": "order",
-    "temperature": "temperature", "temperature-input": "temperature", "temperature-rate": "temperature",
-    "time": "time", "since-clamp": "time", "since-power": "time", "position": "position", "visits": "position",
-    "unit": "unit", "group": "group",
-}  # fmt: skip
+    return acts_by(plugins.load_all("station.model.effects")[effect_id])
 
 
 def _still_exceeds_allowance(finding: CauseFinding, searched: SearchResult, floor: FittedFloor) -> bool:

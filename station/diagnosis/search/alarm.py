@@ -22,7 +22,7 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 9
+NULL_CACHE_VERSION = 10
 #: A turn of the visits and a step of the walk below these shares of the noise change nothing that chance does: the turn
 #: adds a hundredth to a variance, the walk as much by the end of a hundred visits.
 LEAST_DETECTED = (0.1, 0.01)

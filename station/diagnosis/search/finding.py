@@ -20,8 +20,8 @@ from station.diagnosis.search.scoring import ScoringProblem, score_bank
 #: A kernel must beat every cause by this share, too: no form, and no mean of a block, is more exact. What it leaves out
 #: is found in the next round.
 KERNEL_MARGIN = 0.04
-#: A set of causes less likely than this, odds of two to one against it, does not account for what was found.
-UNLIKELY = 1 / 3
+#: A set of causes less likely than this, which is less likely than not, does not account for what was found.
+UNLIKELY = 1 / 2
 #: A kernel is named beside the leading one where it explains all but this share of what that explains.
 NEAR_SHARE = 0.08
 

@@ -6,7 +6,7 @@ evidence, each under the floor that fits best with it. Where one of them is clea
 certain: its form does not explain all.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from station.diagnosis.candidates.bank import (
     cause_library,
     is_testable,
 )
-from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding
@@ -72,8 +72,38 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaw
     ranks = _ranked(bare, forms, laws, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
     found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
+    found = max((found, *_fading(problem, i, floor)), key=lambda laws: laws.lead)
     in_order = _follows_order(problem.accepted[i].candidate, bare.view)
     return replace(found, lead=max(found.lead, 0.0)) if in_order else found
+
+
+def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[RivalLaws]:
+    """What dies away over several visits in place of single ones that are wrong, or of jumps that stay: of all of them
+    in one run together, as a jump and one back are a part of it each."""
+    begun = [list(fading_laws(cause, problem.view)) for cause in problem.accepted]
+    for alone, *courses in begun[i]:
+        near = {
+            j: [laws for laws in found if _in_one_run(laws[0], alone, problem.view)]
+            for j, found in enumerate(begun)
+            if j != i
+        }
+        every = [laws for some in near.values() for laws in some]
+        courses += [replace(law, name=f"{law.name}/{k}") for k, laws in enumerate(every) for law in laws[1:]]
+        bare = problem
+        for j in sorted((i, *(j for j, some in near.items() if some)), reverse=True):
+            bare = bare.without(j)
+        stop = np.concatenate([alone.stop, *(laws[0].stop for laws in every)], axis=2)
+        ranks = _ranked(bare, [replace(alone, stop=stop)], courses, floor)
+        if alone.name in ranks:
+            own = ranks.pop(alone.name).evidence
+            yield _rivals(ranks, own + float(np.log(len(courses))))
+
+
+def _in_one_run(law: Candidate, other: Candidate, view: ResidualView) -> bool:
+    """Whether two laws act in a run that both share."""
+    runs = view.scene.group("run")[0]
+    one, two = (runs[np.any(x.stop != 0.0, axis=(1, 2))] for x in (law, other))
+    return bool(np.intersect1d(one, two).size)
 
 
 def _follows_order(accepted: Candidate, view: ResidualView) -> bool:
