@@ -99,6 +99,24 @@ def test_a_wave_that_only_follows_a_chirp_leaves_no_noise() -> None:
     assert quiet == [True, False]
 
 
+@pytest.mark.parametrize("edges", [False, True])
+def test_a_wave_that_only_follows_a_square_one_leaves_no_noise(edges: bool) -> None:
+    """Of each unit and axis another size: only one curve for all of them shows what is left."""
+
+    def wave(w: World, rng: Scaled) -> tuple[Any, Any]:
+        course = np.sin(2 * np.pi * 0.05 * w.t + 0.4)
+        shape = np.sign(course) if edges else course
+        return w.a, rng.amplitude(1e-4, (4, 3))[w.unit] * w.a * shape[:, None]
+
+    labels = tuple(f"{axis}:{part}" for axis in "xyz" for part in ("cos", "sin"))
+    waves = Term("own", "wave", labels, "unit", (("cycles_hz", 0.05),))
+    table, _ = hide(recipe(), wave, 33, d=16.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    fit = fit_term(waves, TermSpaces(problem, problem.fit().floor).of(waves))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    assert is_noise(known, [waves]) != edges
+
+
 def test_a_constant_that_no_data_allow_on_half_of_its_range_is_sought_on_the_other() -> None:
     tried: dict[float, float] = {}
 

@@ -17,6 +17,7 @@ import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
+from station.diagnosis.discovery.pooled_curves import pooled_curves
 from station.diagnosis.discovery.scan import ScannedUnits, scanned_units
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -26,8 +27,8 @@ from station.model.formula.term import Term
 from station.model.forward import sensor_signal
 
 #: By how many standard deviations the whole may be larger than noise makes it, and the chances that any of the patterns
-#: fails, or any curve of a term, where nothing is left.
-MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE = 1.8, 0.03, 0.04
+#: fails, or any curve of a term, or any that all share, where nothing is left.
+MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE, POOLED_CHANCE = 1.8, 0.03, 0.03, 0.02
 #: What was recorded beside the readings is cut into so many groups of as many visits each, and so many along the curve
 #: of a term; units looked at, at most.
 GROUPS, CURVE_GROUPS, MOST_UNITS = 12, (6, 20), 40
@@ -58,7 +59,9 @@ def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
     about_curves = pattern_chances(_curves_of_terms(problem, units.stops, terms), units, space)
     curves = (*about_curves, *prior_chances(units, space))
     rest = (*axis_chances(units, space), *pattern_chances(_repeating_patterns(problem, units.stops), units, space))
-    return _all_by_chance(curves, CURVE_CHANCE) and _all_by_chance(rest, PATTERN_CHANCE)
+    pooled = list(_pooled_chances(problem, units, space, terms))
+    chances = (curves, CURVE_CHANCE), (rest, PATTERN_CHANCE), (pooled, POOLED_CHANCE)
+    return all(_all_by_chance(found, chance) for found, chance in chances)
 
 
 def visit_noise(problem: ScoringProblem) -> NoiseFloor:
@@ -107,6 +110,18 @@ def pattern_chances(patterns: Iterable[Pattern], units: ScannedUnits, space: Res
     for p in (p for p in patterns if p.columns.shape[1]):
         white = space.project(layout.columns(layout.keep[:, :, p.axis, None] * p.columns[:, None], None))
         yield from _chance(white if p.own else white.reshape(1, space.data.size, -1), space)
+
+
+def _pooled_chances(
+    problem: ScoringProblem, units: ScannedUnits, space: ResidualSpace, terms: Sequence[Term]
+) -> Iterator[float]:
+    """The chance that one curve for all units and axes, times the sizes of a term, holds as much as it does. The terms
+    are what was accepted last."""
+    layout = units.setting.layout
+    for item, term in zip(problem.accepted[len(problem.accepted) - len(terms) :], terms, strict=True):
+        for columns in pooled_curves(problem, item, term):
+            white = space.project(layout.columns(layout.keep @ columns[units.stops], None))
+            yield from _chance(white.reshape(1, space.data.size, -1), space)
 
 
 def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
