@@ -46,7 +46,7 @@ def pooled_curves(problem: ScoringProblem, item: AcceptedCause, term: Term) -> I
 def _curve(x: Floats) -> Floats:
     """Legendre's polynomials (v, c) over the range of a covariate."""
     low, high = float(x.min()), float(x.max())
-    return legendre.legvander(2 * (x - low) / max(high - low, 1e-300) - 1, DEGREE)
+    return np.asarray(legendre.legvander(2 * (x - low) / max(high - low, 1e-300) - 1, DEGREE), float)
 
 
 def _about_wave(parts: list[Part], angle: Floats) -> Floats:
