@@ -49,15 +49,30 @@ def test_the_guide_asks_ten_questions() -> None:
 
 @pytest.mark.parametrize(("number", "language", "text"), QUESTIONS, ids=[q[0] for q in QUESTIONS])
 def test_every_question_of_the_guide_has_an_answer(folder: Path, number: str, language: str, text: str) -> None:
-    if language == "sql":
-        rows = duckdb.connect().execute(text).fetchall()
-    else:
-        names: dict[str, Any] = {}
-        exec(text, names)
-        rows = names["answer"].rows() if number == "9" else names["answer"].values.tolist()
+    rows = answer(number, language, text)
     assert rows or number in ("5", "9"), text
     with open_log(folder / "s.db") as log:
         check(number, rows, log.attempts(Query()))
+
+
+def answer(number: str, language: str, text: str) -> list[Any]:
+    """Of a question, asked in the folder of the tables."""
+    if language == "sql":
+        return duckdb.connect().execute(text).fetchall()
+    names: dict[str, Any] = {}
+    exec(text, names)
+    return list(names["answer"].rows() if number == "9" else names["answer"].values.tolist())
+
+
+def test_what_a_recipe_does_not_calibrate_is_no_unit_far_off_and_no_endless_capability(tmp_path: Path) -> None:
+    db = ("--db", tmp_path / "s.db")
+    for recipe in ("inclinometer-zero", "gyroscope-one-point"):
+        assert command("run", "--simulate", "--units", "2", "--recipe", recipe, *db)[0] == 0
+    assert command("export", "--parquet", tmp_path / "fleet", *db)[0] == 0
+    with chdir(tmp_path):
+        answers = {number: answer(number, language, text) for number, language, text in QUESTIONS}
+    assert (answers["4"], answers["9"]) == ([], [])
+    assert sum(row[1] for row in answers["1"]) == 2
 
 
 def check(number: str, rows: list[Any], attempts: list[Any]) -> None:
