@@ -142,7 +142,7 @@ def search_fleet(bank: FleetBank, planned: FleetPlan, results: PortionResults) -
                 np.add.at(sums, row, winsorised(z - known[row], _MOST_IN_STRETCH))
         return sums
 
-    found, dispersion = search_shared(moments, slices, bank.causes, bank.noise.whiten, timeline, leftover)
+    found, dispersion = search_shared(moments, slices, bank.causes, bank.noise, timeline, leftover)
     return FleetFindings(tuple(found), int(moments.units.sum()), dispersion)
 
 

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from station.cli.app import main
-from station.diagnosis.fleet.candidate import log_chance
 from station.diagnosis.fleet.interval import GroupUnits, best_stretch
 from station.diagnosis.fleet.moments import FleetCell, Moments
+from station.diagnosis.fleet.noise import ResponseNoise
 from station.diagnosis.fleet.time_scan import CauseDirections, GroupScan
 from tests.fakes import shared_fleet
 
@@ -88,12 +89,13 @@ def scans(left: Any, rng: np.random.Generator) -> list[float]:
     """Chance, all that was tried allowed for, of the strongest stretch of each of ten groups of a fleet (t, r)."""
     units, every = np.full(len(left), 4.0), np.full(len(left), 40.0)
     groups = [rng.normal(size=left.shape) * 2 + 4 * left for _ in range(10)]
+    known = ResponseNoise(np.zeros(left.shape[1]), np.eye(left.shape[1]), 1_000_000)
     causes, out = CauseDirections.of([np.eye(left.shape[1])[:, :3]]), []
     for group in groups:
         since, during = GroupScan(group, units, np.sum(groups, axis=0), every, 8).tests(causes)
         for stretch in (since[0], during[0]):
             assert stretch is not None
-            out.append(log_chance(stretch.test, 3) + np.log(stretch.tried))
+            out.append(known.log_chance(stretch.test, 3) + np.log(stretch.tried))
     return out
 
 
@@ -102,6 +104,16 @@ def test_stretches_of_groups_that_share_nothing_keep_the_chance_that_is_stated()
     chances = np.array([scans(np.zeros((20, 6)), rng) for _ in range(60)])
     # Groups of one fleet hang together a little, through what they are compared with; ten at most as one.
     assert (chances < np.log(0.05)).mean() <= 0.05 + 4 * np.sqrt(0.05 / len(chances))
+
+
+def test_chance_is_larger_where_few_units_tell_the_noise() -> None:
+    """Student's t of one direction, and χ² where the noise is known."""
+    few, many = (ResponseNoise(np.zeros(18), np.eye(18), freedom) for freedom in (90, 10**9))
+    assert many.log_chance(25.0, 3) == pytest.approx(stats.chi2.logsf(25.0, 3), abs=1e-5)
+    assert few.log_chance(20.0, 1) == pytest.approx(np.log(2 * stats.t.sf(np.sqrt(20.0 * 73 / 90), 73)), abs=1e-9)
+    beyond = [few.log_chance(10.0**n, 3) for n in range(1, 200, 20)]
+    assert np.isfinite(beyond).all()
+    assert (np.diff(beyond) < 0).all()
 
 
 def test_what_all_groups_share_at_a_time_is_the_cause_of_none() -> None:

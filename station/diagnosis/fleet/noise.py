@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betainc, betaln
 from scipy.stats import chi2
 
 from station.domain.core.types import Floats
@@ -19,14 +20,27 @@ _MOST_DISTANCE = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResponseNoise:
-    """whiten (r, d): to r independent numbers of variance one; middle (r): of the sample, so whitened."""
+    """whiten (r, d): to r independent numbers of variance one; middle (r): of the sample, so whitened; freedom: of the
+    covariance that says so."""
 
     middle: Floats
     whiten: Floats
+    freedom: int
 
     def whitened(self, responses: Floats) -> Floats:
         """Responses (U, d) as (U, r)."""
         return np.asarray(responses @ self.whiten.T - self.middle)
+
+    def log_chance(self, test: float, rank: int) -> float:
+        """Logarithm of the probability that `rank` directions gain so much (twice the log likelihood) by chance.
+
+        Hotelling's T², as the noise is known from so many units only (Rao 1973, 8b); its leading term where the
+        probability is no number any more.
+        """
+        a, b = max(self.freedom - len(self.whiten) + 1, 2) / 2, rank / 2
+        x = self.freedom / (self.freedom + test)
+        found = float(betainc(a, b, x))
+        return float(np.log(found)) if found > 0 else float(a * np.log(x) - np.log(a) - betaln(a, b))
 
 
 def winsorised(z: Floats, most: float = _MOST_DISTANCE) -> Floats:
@@ -55,4 +69,5 @@ def response_noise(responses: Floats, groups: Sequence[object]) -> ResponseNoise
         distance = ((apart @ whiten.T) ** 2).sum(axis=1)
         inside = distance <= limit * np.median(distance) / chi2.median(len(whiten))
     # Medians of the responses themselves would not hang together as their quiet directions do.
-    return ResponseNoise(np.median(responses @ whiten.T, axis=0), whiten)
+    freedom = len(apart) - int((count > 1).sum())
+    return ResponseNoise(np.median(responses @ whiten.T, axis=0), whiten, freedom)

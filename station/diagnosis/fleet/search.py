@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from station.diagnosis.fleet.candidate import SharedCandidate, log_chance
+from station.diagnosis.fleet.candidate import SharedCandidate
 from station.diagnosis.fleet.interval import GroupUnits, best_stretch
 from station.diagnosis.fleet.moments import FleetCell, Moments
+from station.diagnosis.fleet.noise import ResponseNoise
 from station.diagnosis.fleet.response import SharedCause
 from station.diagnosis.fleet.slices import TimeSlices
 from station.diagnosis.fleet.stretch_search import FEWEST_UNITS, PartFound, StretchSearch
@@ -66,19 +67,19 @@ def search_shared(
     moments: Moments,
     slices: TimeSlices,
     causes: Sequence[SharedCause],
-    whiten: Floats,
+    noise: ResponseNoise,
     timeline: Timeline,
     leftover: Leftover,
 ) -> tuple[list[SharedFinding], float]:
     """Findings, the largest evidence first, and by how much chance was larger than the noise says."""
-    candidates = list(_candidates(moments, causes, whiten))
-    fit, scans = _Fit(moments, slices), StretchSearch(candidates, slices)
+    candidates = list(_candidates(moments, causes, noise.whiten))
+    fit, scans = _Fit(moments, slices), StretchSearch(candidates, slices, noise)
     dispersion = 1.0
     for _ in range(MOST_FINDINGS if candidates else 0):
         tests = [fit.test(candidate) for candidate in candidates]
         ratio = [test / chi2.median(max(rank, 1)) for test, rank in tests if rank]
         dispersion = max(1.0, float(np.median(ratio)) if ratio else 1.0)
-        always = np.array([log_chance(test / dispersion, rank) if rank else 0.0 for test, rank in tests])
+        always = np.array([noise.log_chance(test / dispersion, rank) if rank else 0.0 for test, rank in tests])
         price = np.log(len(candidates)) - np.log(_ALWAYS)
         best = int(np.argmin(always))
         part = scans.best(

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from station.diagnosis.fleet.candidate import SharedCandidate, log_chance
+from station.diagnosis.fleet.candidate import SharedCandidate
 from station.diagnosis.fleet.moments import FleetCell
+from station.diagnosis.fleet.noise import ResponseNoise
 from station.diagnosis.fleet.slices import TimeSlices, slice_of
 from station.diagnosis.fleet.time_scan import CauseDirections, GroupScan, ScannedStretch, group_scan
 from station.domain.core.types import Floats
@@ -49,8 +50,8 @@ class _Group:
 class StretchSearch:
     """candidates: all of a search; those that go with a covariate are not told apart in time."""
 
-    def __init__(self, candidates: Sequence[SharedCandidate], slices: TimeSlices) -> None:
-        self._slices, self._count = slices, len(candidates)
+    def __init__(self, candidates: Sequence[SharedCandidate], slices: TimeSlices, noise: ResponseNoise) -> None:
+        self._noise, self._slices, self._count = noise, slices, len(candidates)
         by_group: dict[FleetCell, list[int]] = {}
         for i, candidate in enumerate(candidates):
             if candidate.columns is not None:
@@ -74,7 +75,9 @@ class StretchSearch:
                 for i, rank, stretch in zip(group.candidates, group.causes.rank, found, strict=True):
                     if stretch is None or not wanted[i]:
                         continue
-                    chance = log_chance(stretch.test / own, rank) + np.log(self._tried * stretch.tried / share)
+                    chance = self._noise.log_chance(stretch.test / own, rank) + np.log(
+                        self._tried * stretch.tried / share
+                    )
                     if best is None or chance < best[0]:
                         best = chance, g, i, stretch
         return None if best is None else self._found(*best, scans, own)
