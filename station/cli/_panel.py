@@ -230,7 +230,7 @@ def _listening_socket(listen: ListenAddress) -> socket.socket:
         except OSError:
             door.close()
             raise
-    except OSError as exc:
+    except (OSError, UnicodeError) as exc:
         raise StationFault("panel-not-listening", host=listen.host, port=listen.port, why=system_reason(exc)) from exc
     return door
 

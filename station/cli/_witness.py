@@ -43,5 +43,5 @@ def _named_keys(stations: Sequence[str]) -> dict[str, Path]:
 def listening(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port))
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         raise StationFault("witness-not-listening", host=host, port=port, reason=system_reason(error)) from error

@@ -43,7 +43,10 @@ _REASONS = {
 }
 
 
-def system_reason(error: OSError) -> Message:
-    """Why the system refused, as a part of a sentence: "the disk is full"."""
+def system_reason(error: OSError | UnicodeError) -> Message:
+    """Why the system refused, as a part of a sentence: "the disk is full". UnicodeError: of a host's name that can be
+    none, such as one with an empty part."""
+    if isinstance(error, UnicodeError):
+        return Message("system-no-such-host")
     id_ = _REASONS.get(error.errno or 0)
     return Message(id_) if id_ else Message.text(" ".join((error.strerror or str(error)).split()))

@@ -46,7 +46,7 @@ class ZplPrinter:
                 if given.status:
                     self._check(connection)
                 connection.sendall(zpl(label.serial, label.outcome, label.record, label.nest))
-        except OSError as exc:
+        except (OSError, UnicodeError) as exc:
             at = f"{given.host}:{given.port}"
             raise StationFault("printer-lost", printer=at, reason=system_reason(exc)) from exc
 

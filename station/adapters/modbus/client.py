@@ -46,7 +46,7 @@ class ModbusRegisters:
     def _open(self) -> ModbusTcpClient:
         if self._client is None:
             client = _client(self._host, self._port, self._timeout_s)
-            if not client.connect():  # type: ignore[no-untyped-call]
+            if not _reached(client):
                 client.close()  # type: ignore[no-untyped-call]
                 raise PlcFault("plc-not-reached", host=self._host, port=self._port)
             self._client = client
@@ -69,6 +69,14 @@ class ModbusRegisters:
         """An answer that comes late must not be taken for the next one's: the connection ends here."""
         self.close()
         return PlcFault("plc-lost", host=self._host, port=self._port, reason=why)
+
+
+def _reached(client: ModbusTcpClient) -> bool:
+    """Whether it connects; nowhere by a host's name that can be none, such as one with an empty part."""
+    try:
+        return bool(client.connect())  # type: ignore[no-untyped-call]
+    except UnicodeError:
+        return False
 
 
 def _client(host: str, port: int, timeout_s: float) -> ModbusTcpClient:

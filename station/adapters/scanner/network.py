@@ -38,7 +38,7 @@ class NetworkScanner:
             _drain(connection)
             connection.sendall(trigger_bytes(self._settings.trigger, nest))
             return self._answer(connection, time.monotonic() + timeout_s)
-        except OSError as exc:
+        except (OSError, UnicodeError) as exc:
             self.close()
             at = f"{self._settings.host}:{self._settings.port}"
             raise StationFault("scanner-lost", scanner=at, reason=system_reason(exc)) from exc
