@@ -346,15 +346,15 @@ class Bank:
     def _scatter_to_groups(self, columns: Floats, stops: slice) -> Floats:
         """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
         out = np.zeros((*columns.shape[:2], self.made[-1].at.stop))
-        row, end = np.arange(len(columns))[:, None], 0
+        row, end = np.arange(len(columns)), 0
         for made in self.made:
             start, end = end, end + made.candidate.axes
             if made.at.stop - made.at.start == made.candidate.axes:
                 # One group: its columns are whole.
                 out[..., made.at] = columns[..., start:end]
                 continue
-            at = made.at.start + made.code[stops, None] * made.candidate.axes + np.arange(made.candidate.axes)
-            out.transpose(0, 2, 1)[row, at] = columns[..., start:end].transpose(0, 2, 1)
+            by_group = out[..., made.at].reshape(*out.shape[:2], -1, made.candidate.axes)
+            by_group[row, :, made.code[stops]] = columns[..., start:end]
         return out
 
 
