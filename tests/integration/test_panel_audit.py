@@ -167,7 +167,7 @@ def test_a_certificate_in_the_readers_language(
     client.cookies.delete("station_language")
     assert paper.content.startswith(b"%PDF-")
     assert code != "zh" or b"STSong-Light" in paper.content
-    assert b"BitstreamVera" in paper.content, "the Latin font stands in the file itself"
+    assert b"FiraGO" in paper.content, "the Latin font stands in the file itself"
 
 
 #: Heads that every language writes alike.

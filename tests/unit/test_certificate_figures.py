@@ -1,11 +1,13 @@
 """Figures of a certificate: digits of an uncertainty, units beside a quantity, the risk of all limits together."""
 
+import unicodedata
 from typing import Any
 
 import pytest
 
+from station.domain.methods import coefficients
 from station.messages import Message
-from station.reporting.certificate import pdf, result_sections
+from station.reporting.certificate import fonts, pdf, result_sections
 from station.reporting.certificate.facts import any_false_accept
 from station.reporting.number_text import format_to_uncertainty, quantity_in
 from station.reporting.words import words_of
@@ -56,3 +58,27 @@ def test_no_word_of_a_head_is_broken(language: str) -> None:
             widest = max(pdf.cell_text_width(word) for word in text.split())
             assert widest <= room, (text, widest, room)
     assert pdf.cell_text_width(words.render(Message("certificate-assumed"))) <= pdf.column_widths(7)[2]
+    for name in coefficients.NAMES:
+        assert pdf.cell_text_width(words.term(name)) <= pdf.column_widths(7)[0], name
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["Łódź", "Žižkov s.r.o., Přesné měření", "Şişli, İstanbul", "Nguyễn Thị Đặng Ơn", "Ķīmija", "Győr", "Iași", "Ærø",
+     "ẞ", "Ρόδος", "Привет, Ђорђе", "U ≤ 0.1 · √2 ± 5 µm → σ² ≈ ∞"],
+)  # fmt: skip
+def test_letters_of_every_alphabet_of_europe_stand_in_the_file_itself(name: str) -> None:
+    """Also where accents come as characters of their own, as macOS writes them."""
+    assert list(fonts.runs(name, fonts.BOLD)) == [(fonts.BOLD, name)]
+    assert list(fonts.runs(unicodedata.normalize("NFD", name), fonts.REGULAR)) == [(fonts.REGULAR, name)]
+
+
+def test_other_letters_are_the_readers() -> None:
+    shown = list(fonts.runs("Firma 校准实验室, 서울\n🙂", fonts.REGULAR))
+    assert shown == [
+        (fonts.REGULAR, "Firma "),
+        ("STSong-Light", "校准实验室"),
+        (fonts.REGULAR, ", "),
+        ("HYSMyeongJo-Medium", "서울"),
+        (fonts.REGULAR, " 🙂"),
+    ]

@@ -1,12 +1,11 @@
 """The certificate as PDF: the same sections, laid out by reportlab; every page names its unit and its number."""
 
-from functools import lru_cache
 from html import escape
 from io import BytesIO
-from itertools import groupby
 from typing import Any
 
 from station.reporting.certificate.document import Certificate
+from station.reporting.certificate.fonts import BOLD, REGULAR, known_characters, runs
 from station.reporting.certificate.writer import CertificateTable
 
 #: Of a table; of its cells the size of letters and the room beside the text, in points.
@@ -15,14 +14,12 @@ _WIDTH, _CELL, _PADDING = 511.0, 8, 6
 _SHARES = {
     2: (0.33, 0.67),
     3: (0.3, 0.15, 0.55),
-    7: (0.215, 0.125, 0.14, 0.107, 0.15, 0.125, 0.138),
+    7: (0.235, 0.125, 0.14, 0.107, 0.13, 0.125, 0.138),
     4: (0.28, 0.24, 0.24, 0.24),
     5: (0.28, 0.2, 0.2, 0.2, 0.12),
 }
 #: The first column of any other table, which names its rows.
 _FIRST = 0.24
-#: Bitstream Vera stands in the file itself; what it has no glyph for is shown by the reader's Chinese font.
-_LATIN, _BOLD, _CHINESE = "Vera", "VeraBd", "STSong-Light"
 #: Tables of so many rows stand on one page; longer ones begin where so much of it is left, in points.
 _TOGETHER, _LEAST = 8, 150.0
 _COLOURS = {"PASS": "#0a6132", "FAIL": "#a8001c"}
@@ -33,19 +30,19 @@ def pdf(certificate: Certificate) -> bytes:
     from reportlab.lib.pagesizes import A4
     from reportlab.platypus import CondPageBreak, KeepTogether, Paragraph, SimpleDocTemplate, Spacer
 
-    fonts, wrap = _fonts(), "CJK" if certificate.language == "zh" else "LTR"
+    wrap = "CJK" if certificate.language == "zh" else "LTR"
     title, head, cell = (_style(size, bold, wrap) for size, bold in ((17, True), (10.5, True), (_CELL, False)))
     outcome = certificate.texts[certificate.outcome]
     colour = _COLOURS.get(certificate.outcome, "#000000")
-    verdict = f'<font color="{colour}">{_text(outcome, fonts, _BOLD)}</font>'
-    parts: list[Any] = [Paragraph(f"{_text(certificate.title, fonts, _BOLD)}: {verdict}", title), Spacer(1, 8)]
+    verdict = f'<font color="{colour}">{_text(outcome, BOLD)}</font>'
+    parts: list[Any] = [Paragraph(f"{_text(certificate.title, BOLD)}: {verdict}", title), Spacer(1, 8)]
     for section in certificate.sections:
-        heading = Paragraph(_text(section.title, fonts, _BOLD), head)
-        table = _table(section, fonts, cell)
+        heading = Paragraph(_text(section.title, BOLD), head)
+        table = _table(section, cell)
         whole = len(section.rows) <= _TOGETHER
         parts += [KeepTogether([heading, table])] if whole else [CondPageBreak(_LEAST), heading, table]
         parts.append(Spacer(1, 7))
-    parts.append(KeepTogether([Paragraph(_text(words, fonts, _LATIN), cell) for words in certificate.statements]))
+    parts.append(KeepTogether([Paragraph(_text(words, REGULAR), cell) for words in certificate.statements]))
     paper = BytesIO()
     SimpleDocTemplate(
         paper, pagesize=A4, leftMargin=42, rightMargin=42, topMargin=40, bottomMargin=46,
@@ -54,13 +51,13 @@ def pdf(certificate: Certificate) -> bytes:
     return paper.getvalue()
 
 
-def _table(section: CertificateTable, fonts: frozenset[int], cell: Any) -> Any:
+def _table(section: CertificateTable, cell: Any) -> Any:
     from reportlab.lib import colors
     from reportlab.platypus import Paragraph, Table
 
     rows = [section.columns, *section.rows] if any(section.columns) else list(section.rows)
     widths = [room + 2 * _PADDING for room in column_widths(len(rows[0]))]
-    cells = [[Paragraph(_text(words, fonts, _LATIN), cell) for words in row] for row in rows]
+    cells = [[Paragraph(_text(words, REGULAR), cell) for words in row] for row in rows]
     style: list[Any] = [("GRID", (0, 0), (-1, -1), 0.4, colors.grey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
     style += [("TOPPADDING", (0, 0), (-1, -1), 2), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5)]
     shaded = ((0, 0), (-1, 0)) if any(section.columns) else ((0, 0), (0, -1))
@@ -78,44 +75,28 @@ def cell_text_width(words: str) -> float:
     """Of words in a table's cell, in points."""
     from reportlab.pdfbase.pdfmetrics import stringWidth
 
-    _fonts()
-    return float(stringWidth(words, _LATIN, _CELL))
+    known_characters()
+    return float(stringWidth(words, REGULAR, _CELL))
 
 
 def _style(size: float, bold: bool, wrap: str) -> Any:
     from reportlab.lib.styles import ParagraphStyle
 
-    font = _BOLD if bold else _LATIN
+    known_characters()
+    font = BOLD if bold else REGULAR
     return ParagraphStyle(
         f"s{size}", fontName=font, fontSize=size, leading=size * 1.3, spaceAfter=3, wordWrap=wrap, splitLongWords=1
     )
 
 
-def _text(words: str, latin: frozenset[int], font: str) -> str:
+def _text(words: str, font: str) -> str:
     """Words as reportlab's markup: each stretch in a font that has its characters."""
-    shown = "".join(c if c.isprintable() else " " for c in words)
-    runs = ((known, escape("".join(run))) for known, run in groupby(shown, lambda c: ord(c) in latin))
-    return "".join(f'<font name="{font if known else _CHINESE}">{run}</font>' for known, run in runs)
-
-
-@lru_cache(maxsize=1)
-def _fonts() -> frozenset[int]:
-    """Registers the fonts; the characters that the Latin one has."""
-    from reportlab.pdfbase import pdfmetrics
-    from reportlab.pdfbase.cidfonts import UnicodeCIDFont
-    from reportlab.pdfbase.ttfonts import TTFont
-
-    latin = TTFont(_LATIN, "Vera.ttf")
-    for font in (latin, TTFont(_BOLD, "VeraBd.ttf"), UnicodeCIDFont(_CHINESE)):
-        pdfmetrics.registerFont(font)
-    return frozenset(latin.face.charToGlyph)
+    return "".join(f'<font name="{name}">{escape(run)}</font>' for name, run in runs(words, font))
 
 
 def _numbered(certificate: Certificate) -> type[Any]:
     """A canvas that writes at the foot of every page whose certificate it is and which page of how many."""
     from reportlab.pdfgen.canvas import Canvas
-
-    fonts = _fonts()
 
     class Numbered(Canvas):  # type: ignore[misc]
         """Holds the pages back until their number is known."""
@@ -146,15 +127,15 @@ def _numbered(certificate: Certificate) -> type[Any]:
             self.setFillGray(0.82, 0.5)
             self.translate(297, 421)
             self.rotate(55)
-            self.setFont(_BOLD if all(ord(c) in fonts for c in words) else _CHINESE, 86)
+            self.setFont(next(name for name, _ in runs(words, BOLD)), 86)
             self.drawCentredString(0, -30, words)
             self.restoreState()
 
         def _foot(self, words: str) -> None:
             line = self.beginText(42, 26)
-            for known, run in groupby(words, lambda c: ord(c) in fonts):
-                line.setFont(_LATIN if known else _CHINESE, 7)
-                line.textOut("".join(run))
+            for name, run in runs(words, REGULAR):
+                line.setFont(name, 7)
+                line.textOut(run)
             self.drawText(line)
 
     return Numbered
