@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
 from tests.integration.test_import import G, check, tumble, understood
 from tests.integration.test_import_shapes import sphere
@@ -113,7 +114,7 @@ def test_very_many_readings_that_never_rest_are_thinned(
 ) -> None:
     y = sphere(rng, 3500) * 48.0 + [5, -3, 8]
     one = understood(capsys, saved(tmp_path / "compass.csv", y))
-    check(one, visits=875, visits_by="readings")
+    check(one, visits=500, visits_by="readings")
     assert remarks(one) == ["readings-thinned"]
 
 
@@ -123,3 +124,14 @@ def test_the_last_digit_of_a_printed_number_is_no_step(
     y = tumble(rng)
     one = understood(capsys, saved(tmp_path / "digits.csv", np.c_[np.arange(len(y)) / 100, y], "%.8f"))
     assert one["lsb"] == [0.0, 0.0, 0.0]
+
+
+def test_short_stops_without_stamps_are_found_at_a_slower_rate(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Stops of 60 to 75 readings, one upon the other: a second at 25 Hz, and not at the 100 Hz that are assumed."""
+    poses = sphere(rng, 16)
+    y = np.concatenate([np.tile(p, (int(n), 1)) for p, n in zip(poses, rng.integers(60, 76, 16), strict=True)])
+    one = understood(capsys, saved(tmp_path / "poses.csv", y + 0.002 * rng.standard_normal(y.shape)))
+    assert one["poses"] == len(np.unique(rest_segments.orientations(poses)))
+    assert one["visits"] == 16

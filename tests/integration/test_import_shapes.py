@@ -229,7 +229,7 @@ def sphere(rng: np.random.Generator, readings: int) -> Floats:
     return np.asarray(y / np.linalg.norm(y, axis=1, keepdims=True))
 
 
-@pytest.mark.parametrize("readings", [60, 900])
+@pytest.mark.parametrize("readings", [60, 450])
 def test_a_list_of_readings_all_round_is_a_pose_each(
     rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str], readings: int
 ) -> None:

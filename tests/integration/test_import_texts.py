@@ -127,6 +127,19 @@ def test_a_last_column_that_is_mostly_empty(rng: np.random.Generator, tmp_path: 
     assert one["temperature_degC"] == pytest.approx([25.0, 28.9], abs=0.2)
 
 
+def test_rows_of_which_only_the_later_end_with_a_delimiter(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """A spreadsheet with remarks beside its first rows."""
+    path = tmp_path / "book.csv"
+
+    def row(now: datetime, t: float, r: list[float]) -> str:
+        return f"{t:.2f},{r[0]:.4f},{r[1]:.4f},{r[2]:.4f}," + (f"{t:.1f}" if t < 0.6 else "")
+
+    path.write_text("time,x,y,z,\n" + lines(tumble(rng), row), encoding="utf-8")
+    check(understood(capsys, str(path)), visits=8, raw_unit="g")
+
+
 def as_json(y: Floats, shape: str) -> str:
     time, cells = (np.arange(len(y)) / 100).tolist(), y.round(5).tolist()
     pairs = list(zip(time, cells, strict=True))

@@ -56,12 +56,13 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     best, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
     if best < 0.3:
         raise SamplesError("no-table-of-numbers", file=file)
-    closed = _closed([line for _, line in content], delimiter)
+    closed = _closed(_tail(content), delimiter)
     rows = [(i, split(line, delimiter, closed=closed)) for i, line in content]
     usual = _numeric_share([cells for _, cells in rows if len(cells) == columns][-50:])
-    first = next(
-        i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= min(usual, 0.999) * 0.75
-    )
+    like_rows = (i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= 0.75 * usual)
+    first = next(like_rows, None)
+    if first is None:
+        raise SamplesError("no-table-of-numbers", file=file)
     data = [cells for i, cells in rows if i >= first]
     decimal = _decimal([c for cells in data for c in cells if _NUMBER.match(c)], delimiter)
     names, units = _header(file, lines[:first], delimiter, columns)
@@ -135,14 +136,19 @@ def cell_value(cell: str, decimal: str) -> float:
 
 def score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
     """How much of a text is rows of numbers by a delimiter (0 … 1), and how many cells they have."""
-    tail = lines[len(lines) // 2 :] or lines
-    closed = _closed([line for _, line in tail], delimiter)
-    rows = [split(line, delimiter, closed=closed) for _, line in tail]
+    tail = _tail(lines)
+    closed = _closed(tail, delimiter)
+    rows = [split(line, delimiter, closed=closed) for line in tail]
     ((columns, times),) = Counter(len(cells) for cells in rows).most_common(1) or ((0, 0),)
     if columns < 2:
         return 0.0, columns
     regular = [cells for cells in rows if len(cells) == columns]
     return times / len(rows) * _numeric_share(regular) ** 0.5, columns
+
+
+def _tail(lines: list[tuple[int, str]]) -> list[str]:
+    """The second half, which has rows and no header."""
+    return [line for _, line in lines[len(lines) // 2 :] or lines]
 
 
 def _closed(lines: list[str], delimiter: str) -> bool:

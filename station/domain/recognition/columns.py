@@ -163,16 +163,16 @@ def _by_content(table: RawTable, candidates: list[tuple[int, int, int]], quantit
 
 
 def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
-    """Whether readings (n, 3) do not turn; 0 where their magnitude is of a unit, 1 of counts, 2 of neither; its
-    relative spread."""
+    """Whether readings (n, 3) do not turn; 0 where their magnitude is of a unit, 1 of counts, which any
+    number is near; its relative spread."""
     means, spread = _means_and_spread(reading)
     size = float(np.median(np.linalg.norm(means, axis=1)))
     turns = bool(np.linalg.norm(means.std(axis=0)) > LEAST_TURN * size)
     whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
     if not turns or not np.isfinite(spread):
-        return True, 2, spread
-    scale = from_magnitude(means, quantity, whole=whole)
-    return False, (int(scale.unit == "LSB") if scale.exact else 2), spread
+        return True, 1, spread
+    known = not whole and from_magnitude(means, quantity, whole=False).unit != "LSB"
+    return False, int(not known), spread
 
 
 def _means_and_spread(reading: Floats) -> tuple[Floats, float]:

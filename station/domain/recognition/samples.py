@@ -24,8 +24,10 @@ LEAST_REST_IN_ONE = 0.9
 LEAST_GRAVITY_G = 0.3
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
 WILD = 0.2
+#: Without stamps the rate may be so many times slower; believed where so many times more orientations rest then.
+SLOWER, MANY_MORE = (2.0, 4.0), 1.4
 #: Readings that are a pose each: more than so many tell no more.
-MOST_POSES = 1000
+MOST_POSES = 500
 #: Runs are counted in 32 bits.
 LAST_RUN = 2**31 - 1
 
@@ -128,7 +130,7 @@ def _a_reading_each(recording: Recording) -> Visits:
 
 def _rest(recording: Recording) -> NDArray[np.int64]:
     try:
-        edges = rest_segments.find(recording.time_s, recording.reading)
+        edges = _edges(recording)
     except SamplesError as error:
         raise SamplesError("in-file", file=recording.source, reason=error.message) from None
     if recording.unit == "deg/s":
@@ -136,6 +138,27 @@ def _rest(recording: Recording) -> NDArray[np.int64]:
     size = float(np.median(np.linalg.norm(recording.reading, axis=1)))
     quiet = [float(np.linalg.norm(recording.reading[a:b].std(axis=0))) < WILD * size for a, b in edges]
     return np.asarray(edges[np.array(quiet, bool)])
+
+
+def _edges(recording: Recording) -> NDArray[np.int64]:
+    """Rests; where nothing tells the rate, those of a slower one, if it makes most of the recording rests in many more
+    orientations: a second of the assumed rate is longer than such stops."""
+    found = rest_segments.find(recording.time_s, recording.reading)
+    if recording.clock.source != "assumed" or recording.unit == "deg/s":
+        return found
+    for slower in SLOWER:
+        more = rest_segments.find(recording.time_s * slower, recording.reading)
+        rests = float((more[:, 1] - more[:, 0]).sum()) >= LEAST_REST * len(recording)
+        if rests and _orientations(recording, more) >= MANY_MORE * _orientations(recording, found):
+            found = more
+    return found
+
+
+def _orientations(recording: Recording, edges: NDArray[np.int64]) -> int:
+    if not len(edges):
+        return 0
+    means = np.array([np.median(recording.reading[a:b], axis=0) for a, b in edges])
+    return int(rest_segments.orientations(means).max()) + 1
 
 
 def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
