@@ -7,7 +7,7 @@ statistics is made, an e-detector (Shin, Ramdas, Rinaldo, NEJSDS 2024): its mean
 
 import random
 from bisect import bisect_left, bisect_right, insort
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
@@ -48,12 +48,12 @@ class RankShares:
         share = (below + self._random.random() * (equal + 1)) / (len(self) + 1)
         insort(self._newest, value)
         if len(self._newest) >= max(_NEWEST, _NEWEST_SHARE * len(self._sorted)):
-            self.restart(self._sorted + self._newest)
+            self._sorted, self._newest = sorted(self._sorted + self._newest), []
         return min(max(share, _SMALLEST), 1 - _SMALLEST)
 
-    def restart(self, values: Iterable[float]) -> None:
+    def restart(self, values: Floats) -> None:
         """From then on only these count as before."""
-        self._sorted, self._newest = sorted(values), []
+        self._sorted, self._newest = np.sort(values).tolist(), []
 
 
 def likelihood_ratios(shares: Sequence[float]) -> Floats:

@@ -79,7 +79,7 @@ class Stream:
 
     def changed(self, begin: int) -> None:
         """The value at this index and those since are another level: they count as before no more."""
-        self.ranks.restart(self.values[:begin].tolist())
+        self.ranks.restart(self.values[:begin])
         self.detector.restart()
 
     def forget(self, load: int) -> None:
