@@ -128,7 +128,7 @@ def _moved(table: str, values: tuple[Any, ...], unit: int) -> tuple[Any, ...]:
     failed, so that an audit has something to find."""
     if table == "result" and values[2] == "verdict" and unit % 41 == 0:
         verdict = json.loads(values[3])
-        verdict["reasons"] = [{"check": CHECKS[unit // 41 % len(CHECKS)], "text": "simulated"}]
+        verdict["reasons"] = [{"check": CHECKS[unit // 41 % len(CHECKS)], "sentence": "simulated"}]
         return (*values[:3], json.dumps(verdict, sort_keys=True, separators=(",", ":")))
     if table != "result" or values[2] != "stops":
         return values

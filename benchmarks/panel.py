@@ -198,7 +198,7 @@ def first_paint(client: httpx.Client, runs: int = 7) -> None:
             browser.wait("document.body.dataset.state && performance.getEntriesByType('paint').length")
             took.append(browser.script("return performance.getEntriesByName('first-contentful-paint')[0].startTime"))
         sizes = browser.script(
-            "return performance.getEntriesByType('resource').filter(r => r.name.endsWith('.js'))"
+            "return performance.getEntriesByType('resource').filter(r => r.name.split('?')[0].endsWith('.js'))"
             ".map(r => r.decodedBodySize)"
         )
     print(f"first contentful paint: median {statistics.median(took):.0f} ms, worst {max(took):.0f} ms of {runs} "
