@@ -28,7 +28,7 @@ from station.model.forward import sensor_signal
 
 #: By how many standard deviations the whole may be larger than noise makes it, and the chances that any of the patterns
 #: fails, or any curve of a term, or any that all share, where nothing is left.
-MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE, POOLED_CHANCE = 1.8, 0.03, 0.03, 0.02
+MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE, POOLED_CHANCE = 1.8, 0.03, 0.04, 0.02
 #: What was recorded beside the readings is cut into so many groups of as many visits each, and so many along the curve
 #: of a term; units looked at, at most.
 GROUPS, CURVE_GROUPS, MOST_UNITS = 12, (6, 20), 40
