@@ -275,8 +275,8 @@ def _print_diagnosis(findings: Mapping[str, Any]) -> None:
     base = findings["baseline"]
     remaining = f", {findings['extended']['residual_rms']:.3g} {unit} with what was found" if findings["causes"] else ""
     # What is unknown is in the fitted floor too; the samples within the visits know nothing of it.
-    noise = findings["floor"]["within_stops"] if findings["verdict"] == "unknown" else base["floor_rms"]
-    floor = f"the noise floor alone makes {noise:.3g} {unit}"
+    within = findings["floor"]["within_stops"] if findings["verdict"] == "unknown" else 0.0
+    floor = f"the noise floor alone makes {within or base['floor_rms']:.3g} {unit}"
     _output.print_line(f"residual {base['residual_rms']:.3g} {unit} rms{remaining}; {floor}")
     for cause in findings["causes"]:
         gain = cause["gain"]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.fakes.command import station
 
@@ -154,3 +155,24 @@ def test_a_compass_turned_all_round_is_calibrated_by_its_magnitude(
     assert np.all(np.abs(np.array(unit["offset"]) - [20, -35, 12]) < 4 * std[:3])
     assert np.diagonal(np.array(unit["matrix"])) == pytest.approx([1.04, 0.98, 1.08], rel=0.004)
     assert not [note for note in unit["notes"] if "too little noise" in str(note)]
+
+
+def test_a_field_that_differs_on_the_hands_way_is_no_walk_of_the_bias(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Single readings of a part swept by hand past steel: what is left wanders, and nothing says why."""
+    turns = Rotation.from_rotvec(rng.normal(0, 0.5, (400, 3)))
+    pose, steel, field = Rotation.identity(), np.zeros(3), np.zeros((400, 3))
+    for i in range(400):
+        pose, steel = pose * turns[i], 0.97 * steel + rng.normal(0, 0.4, 3)
+        field[i] = pose.inv().apply(np.array([0.0, 0.0, 50.0]) + steel)
+    path, out = tmp_path / "swept.csv", str(tmp_path / "swept.parquet")
+    reading = field * [1.02, 0.98, 1.01] + [5, -3, 8] + 0.3 * rng.standard_normal(field.shape)
+    np.savetxt(path, reading, "%.2f", ",", header="mag_x,mag_y,mag_z", comments="")
+    assert station("import", str(path), "--out", out) == 0
+    capsys.readouterr()
+    found = diagnosed(out, "magnetometer-hand-held", capsys)
+    assert found["verdict"] in {"unknown", "incomplete"}
+    assert "bias-walk" not in effects(found)
+    assert "time" in found["unknown"]["depends_on"]
+    assert found["floor"]["within_stops"] == 0.0

@@ -83,9 +83,11 @@ def _hypotheses(d: Diagnosis) -> dict[str, Any]:
 
 
 def within_visit_rms(d: Diagnosis) -> float:
-    """Rms of a visit's mean that the scatter of its own samples makes: what is left where no floor may be trusted."""
+    """Rms of a visit's mean that the scatter of its own samples makes: what is left where no floor may be trusted. 0
+    where each visit is one reading, which tells nothing of it."""
     view = d.search_result.first.view
-    return float(view.sigma / np.sqrt(view.reduced.count.sum(1).mean()))
+    count = view.reduced.count.sum(1)
+    return float(view.sigma / np.sqrt(count.mean())) if count.max() > 1 else 0.0
 
 
 def sentence(d: Diagnosis) -> str:

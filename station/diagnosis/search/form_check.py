@@ -133,15 +133,23 @@ def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> 
 
 def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats) -> RivalLaws:
     """The laws in place of a variance of the floor that was let free beyond its bound, of upper (3); in place of a walk
-    one that returns, too."""
+    one that returns, too, and in that of single readings of a part moved by hand whatever it met on its way."""
     bounded = with_bounded_variance(problem, name, upper)
     scatter, law = problem.fit(), bounded.fit()
     gain = scatter.space.profile - law.space.profile - OCCAM_NATS
     found = _rivals(_ranked(bounded, [], rival_laws(problem.view, level="run"), law.floor), gain + CHOICE_NATS)
     if name != BiasWalk.id:
         return found
+    if _moved_freely(problem.view):
+        return RivalLaws(np.inf, ("time",))
     returning = RivalLaws(nats_ahead(problem), ("time",))
     return max(found, returning, key=lambda laws: laws.lead)
+
+
+def _moved_freely(view: ResidualView) -> bool:
+    """Whether nobody knows the poses and no visit is more than one reading: a field that differs from place to place
+    wanders from one to the next as a bias does."""
+    return not view.scene.recipe.pose_known and bool(np.all(view.reduced.count.sum(1) <= 1))
 
 
 def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:
