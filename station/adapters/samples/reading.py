@@ -63,11 +63,11 @@ def rows_about(path: Path) -> int:
             with path.open("rb") as file:
                 lines = [len(line) for line in islice(file, 1, 1001)]
             return int(path.stat().st_size * len(lines) / max(sum(lines), 1))
-        from pyarrow import ArrowInvalid, parquet
+        from pyarrow import ArrowException, parquet
 
         try:
             return int(parquet.ParquetFile(str(path)).metadata.num_rows)
-        except ArrowInvalid:
+        except (ArrowException, UnicodeDecodeError):
             return 0
     except OSError:
         return 0
