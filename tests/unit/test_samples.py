@@ -1,5 +1,6 @@
 """Samples tables: what is written is read back bit for bit, and every mistake is one sentence with its place."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -199,6 +200,19 @@ def test_a_parquet_of_another_schema_or_with_text_for_numbers(tmp_path: Path) ->
     parquet.write_table(pa.table(columns).replace_schema_metadata({"schema": "other/2"}), tmp_path / "t.parquet")
     with pytest.raises(SamplesError, match="has the schema 'other/2'"):
         read_samples(tmp_path / "t.parquet")
+
+
+@pytest.mark.parametrize("dictionary", [True, False])
+@pytest.mark.parametrize("read", [read_samples, lambda path: list(by_units(path))])
+def test_text_in_parquet_that_is_no_utf_8(tmp_path: Path, dictionary: bool, read: Callable[[Path], object]) -> None:
+    path = tmp_path / "t.parquet"
+    plain = {n: pa.array(["SN1", "SN1"]) for n in ("unit", "position")} | {n: [0, 0] for n in ("run", "visit")}
+    table = pa.table(plain | {n: [0.0, 1.0] for n in ("time_s", "x", "y", "z")})
+    parquet.write_table(table, path, compression="none", use_dictionary=dictionary, store_schema=False)
+    assert read(path)
+    path.write_bytes(path.read_bytes().replace(b"SN1", b"S\xad1"))
+    with pytest.raises(SamplesError, match="is not a readable Parquet file"):
+        read(path)
 
 
 def test_a_table_far_too_wide_is_refused_at_once(tmp_path: Path) -> None:

@@ -187,6 +187,7 @@ def _parquet(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.Record
                 PIECE, columns=[n for n in (columns or ALL_COLUMNS) if n in names], use_threads=False
             )
             while (batch := _next(path, batches)) is not None:
+                batch.validate(full=True)  # text that is none, codes beyond their names: Arrow reads them unseen
                 yield _cast(path, batch)
     except (pa.ArrowException, UnicodeDecodeError, OSError) as exc:
         raise SamplesError("samples-no-parquet", file=str(path)) from exc
