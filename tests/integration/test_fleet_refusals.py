@@ -66,6 +66,17 @@ def test_tables_of_another_schema_are_refused_whatever_asks(tables: Path, capsys
         assert "station export --parquet" in refused
 
 
+@pytest.mark.parametrize("place", range(4, 3000, 599))
+def test_damage_inside_a_table_is_a_sentence_whatever_asks(tables: Path, capsys: Out, place: int) -> None:
+    for damaged in (tables / "reduced").rglob("*.parquet"):
+        whole = bytearray(damaged.read_bytes())
+        whole[place : place + 300] = b"\xad" * 300
+        damaged.write_bytes(whole)
+    for command in (("diagnose", "--shared"), ("calibrate",), ("backtest",)):
+        refused = station(capsys, *command, "--recipe", "six-point", "--db", tables, code=2)
+        assert "is no whole Parquet file" in refused
+
+
 @pytest.mark.parametrize("words", [("calibrate",), ("diagnose", "--shared")])
 def test_a_document_that_cannot_be_written_is_refused_before_the_fleet_is_computed(
     words: tuple[str, ...], tables: Path, tmp_path: Path, capsys: Out

@@ -31,6 +31,7 @@ def read_parquet(path: Path) -> list[RawTable]:
             unfolded = max(sum(group.total_byte_size for group in groups), 8 * shape[0] * shape[1])
             check_unfolded(str(path), path.stat().st_size, unfolded)
             table = file.read(use_threads=False)
+            table.validate(full=True)  # text that is none: Arrow reads it unseen
     except (pa.ArrowException, UnicodeDecodeError) as exc:
         raise SamplesError("recording-not-parsed", file=str(path), reason=Message("content-damaged")) from exc
     if table.num_rows == 0 or table.num_columns == 0:

@@ -1,6 +1,7 @@
 """Tables of a fleet as a source of units: what `station export --parquet` wrote, for jobs over a fleet."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +24,15 @@ _ROWS_A_FILE = 1 << 32
 def _origin(row: Mapping[str, Any]) -> tuple[bool, str]:
     """Whether it was simulated, and what the log had taught it."""
     return bool(row["simulated"]), row.get("history") or ""
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """LogError where Parquet finds damage, at the opening or in a page met later."""
+    try:
+        yield
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise LogError("fleet-table-damaged", file=str(path)) from error
 
 
 class FleetTables:
@@ -83,7 +93,7 @@ class FleetTables:
             "started",
             "simulated",
         ]
-        with self._open(place) as file:
+        with self._open(place) as file, _readable(self._files[place]):
             if "history" in file.schema_arrow.names:  # tables of earlier versions have none
                 columns.append("history")
             begins = 0
@@ -104,7 +114,7 @@ class FleetTables:
         filters = {name: value for name in _FILTERS if (value := getattr(query, name)) is not None}
         names = sorted({*columns, *filters, "outcome", "started"})
         for place in range(len(self._files)):
-            with self._open(place) as file:
+            with self._open(place) as file, _readable(self._files[place]):
                 number = place * _ROWS_A_FILE
                 for batch in file.iter_batches(columns=names):
                     began_ns = batch.column("started").cast(pa.int64()).to_numpy() * 1000
@@ -117,10 +127,8 @@ class FleetTables:
 
     def _open(self, place: int) -> parquet.ParquetFile:
         path = self._files[place]
-        try:
+        with _readable(path):
             file = parquet.ParquetFile(path)
-        except (OSError, pa.ArrowException) as error:
-            raise LogError("fleet-table-damaged", file=str(path)) from error
         schema = (file.schema_arrow.metadata or {}).get(b"schema", b"").decode(errors="replace")
         if schema != SCHEMA:
             raise LogError("fleet-table-other-schema", file=str(path), schema=schema, expected=SCHEMA)
