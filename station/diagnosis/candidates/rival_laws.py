@@ -68,19 +68,19 @@ def covariates_of_law(name: str) -> tuple[str, ...]:
     return tuple(name.removeprefix(PREFIX).split("/")[0].split("*"))
 
 
-def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: str = "unit") -> list[Candidate]:
-    """Every law that these data can show, for each unit on its own and, of several units, common to all; those of the
-    shape and the level of a cause, too: what changes it, what else switches where it jumps."""
+def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: str = "unit") -> Iterator[Candidate]:
+    """Every law that these data can show, one after the other: for each unit on its own and, of several units, common
+    to all; those of the shape and the level of a cause, too: what changes it, what else switches where it jumps."""
     of = level if cause is None else cause.candidate.of
     levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
-    found = list(_at_levels(view, _laws(view), levels))
+    found = [_at_levels(view, _laws(view), levels)]
     if of in LABELS:
-        found += _at_levels(view, chain(_laws(view), _straight(view)), (of,))
+        found.append(_at_levels(view, chain(_laws(view), _straight(view)), (of,)))
     elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
-        found += _at_levels(view, _swings(view), (of,))
+        found.append(_at_levels(view, _swings(view), (of,)))
     if cause is not None:
-        found += [*_at_levels(view, _switches_at(cause, view), levels), *_changing(cause.candidate, view)]
-    return [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(found)]
+        found += [_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view)]
+    return (replace(law, name=f"{law.name}/{i}") for i, law in enumerate(chain.from_iterable(found)))
 
 
 def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:

@@ -1,6 +1,6 @@
 """With which cause to begin where several may act at once: behind a kernel, or behind one cause of many numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -56,16 +56,14 @@ def _visible(ranks: Mapping[str, RankedCause]) -> list[RankedCause]:
 
 def _beside(
     problem: ScoringProblem, leader: RankedCause, causes: Sequence[RankedCause]
-) -> list[tuple[EstimatedSignal, SignatureAxes]]:
-    """What the leader follows, and what each cause can."""
+) -> Iterator[tuple[EstimatedSignal, SignatureAxes]]:
+    """What the leader follows, and what each cause can, one after the other: axes are as long as all readings."""
     assert leader.best is not None
     moving = any(r.best is not None and r.best.dwell is not None for r in (*causes, leader))
     space = problem.space(leader.at.floor, moving=moving)
     hit = leader.at.hit(leader.best, problem.view)
     followed = estimate_signal(leader.best, problem.view, space, hit.astype(float))
-    found = []
     for r in causes:
         assert r.best is not None
         alone = r.at.hit(r.best, problem.view, alone=True).astype(float)
-        found.append((followed, signature_axes(r.best, problem.view, space, alone)))
-    return found
+        yield followed, signature_axes(r.best, problem.view, space, alone)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.nuisance import accept_candidate, accepted_columns
+from station.diagnosis.candidates.bank import UNITS_AT_ONCE, Candidate
+from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate, accepted_columns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import visible_directions
 from station.diagnosis.linear.projection import ResidualSpace
@@ -37,7 +37,7 @@ class SignatureAxes:
     @property
     def inverse(self) -> Floats:
         """1/m, 0 where nothing is seen."""
-        return np.where(self.m > 0, 1 / np.where(self.m > 0, self.m, 1.0), 0.0)
+        return _inverse(self.m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,17 +49,28 @@ class EstimatedSignal:
     d: float
 
 
+def _inverse(m: Floats) -> Floats:
+    return np.where(m > 0, 1 / np.where(m > 0, m, 1.0), 0.0)
+
+
 def signature_axes(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> SignatureAxes:
     """What a candidate can move. hit (groups): 1 where a group acts."""
     rows, place = accepted_columns(accept_candidate(candidate, hit > 0, 1.0), view)
     columns = space.project(rows)
     normal = columns.transpose(0, 2, 1) @ columns
-    if not place.own:
-        cross = np.einsum("umk,umc->kc", columns, space.shared_basis)
+    cross = None if place.own else np.einsum("umk,umc->kc", columns, space.shared_basis)
+    m, E = _directions(normal, cross)
+    return SignatureAxes(columns @ E, m, place.own)
+
+
+def _directions(normal: Floats, cross: Floats | None) -> tuple[Floats, Floats]:
+    """Eigenvalues (U, K) and vectors (U, K, K) of each unit's normal matrix, or (1, K) and (1, K, K) of that of all,
+    whose product with the shared known columns is `cross` (K, c); 0 where nothing is seen."""
+    if cross is not None:
         normal = normal.sum(0, keepdims=True) - cross @ cross.T
     m, E = np.linalg.eigh(normal)
     visible = visible_directions(m)
-    return SignatureAxes(columns @ (E * visible[:, None, :]), np.where(visible, m, 0.0), place.own)
+    return np.where(visible, m, 0.0), E * visible[:, None, :]
 
 
 def estimate_signal(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> EstimatedSignal:
@@ -69,13 +80,6 @@ def estimate_signal(candidate: Candidate, view: ResidualView, space: ResidualSpa
     data = np.einsum("umk,uk->um", axes.vectors, axes.inverse * (u if axes.own else u.sum(0)))
     d2 = float(np.sum(data**2)) - float(np.count_nonzero(axes.m))
     return EstimatedSignal(data, axes, float(np.sqrt(max(d2, 0.0))))
-
-
-def separation_from(found: EstimatedSignal, other: SignatureAxes) -> float:
-    """d·√κ of a found signal against another cause, freed of what noise adds to it."""
-    unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
-    apart = _squares_outside(found.data[..., None], other, each=False)
-    return float(np.sqrt(max(apart - _squares_outside(unit, other, each=found.axes.own), 0.0)))
 
 
 def followed_share(found: EstimatedSignal, other: SignatureAxes) -> float:
@@ -104,5 +108,27 @@ def _squares_outside(vectors: Floats, other: SignatureAxes, *, each: bool) -> fl
 def separations(
     found: EstimatedSignal, others: Sequence[tuple[Candidate, Floats]], view: ResidualView, space: ResidualSpace
 ) -> dict[str, float]:
-    """d·√κ against each of the other causes, by name."""
-    return {c.name: separation_from(found, signature_axes(c, view, space, hit)) for c, hit in others}
+    """d·√κ of a found signal against each of the other causes, by name, freed of what noise adds to it."""
+    return {c.name: _separation(found, accept_candidate(c, hit > 0, 1.0), view, space) for c, hit in others}
+
+
+def _separation(found: EstimatedSignal, other: AcceptedCause, view: ResidualView, space: ResidualSpace) -> float:
+    """d·√κ against one, some units at a time: of its white columns only small products are kept."""
+    rows, place = accepted_columns(other, view)
+    unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
+    both = np.concatenate([found.data[..., None], unit], axis=2)
+    normal, along, cross = list[Floats](), list[Floats](), np.zeros((rows.stop.shape[-1], space.shared_basis.shape[2]))
+    for units in view.grid.parts(UNITS_AT_ONCE):
+        turned = space.project(rows.of_units(units), units).swapaxes(1, 2)
+        normal.append(turned @ turned.swapaxes(1, 2))
+        along.append(turned @ both[units])
+        cross += (turned @ space.shared_basis[units]).sum(0)
+    m, E = _directions(np.concatenate(normal), None if place.own else cross)
+    inside = E.swapaxes(1, 2) @ np.concatenate(along)
+    data, noise = inside[..., :1], inside[..., 1:]
+    if not place.own:
+        data = data.sum(0, keepdims=True)
+        noise = noise if found.axes.own else noise.sum(0, keepdims=True)
+    inverse = _inverse(m)[..., None]
+    apart = float(np.sum(found.data**2) - np.sum(inverse * data**2))
+    return float(np.sqrt(max(apart - float(np.sum(unit**2) - np.sum(inverse * noise**2)), 0.0)))

@@ -6,8 +6,9 @@ evidence, each under the floor that fits best with it. Where one of them is clea
 certain: its form does not explain all.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -43,6 +44,8 @@ CHOICE_NATS = 5.0
 NEAR_NATS = 2.0
 #: Laws further behind the best than this, nats, are not tried under other floors.
 PROMISING_NATS = 12.0
+#: Numbers in the columns of the laws looked at together, 2 MiB a law of 28,800 visits; and laws at the least.
+COLUMNS_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 23, 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,13 +165,10 @@ def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:
 
 
 def _ranked(
-    problem: ScoringProblem, causes: list[Candidate], laws: list[Candidate], floor: NoiseFloor
+    problem: ScoringProblem, causes: list[Candidate], laws: Iterable[Candidate], floor: NoiseFloor
 ) -> dict[str, RankedCause]:
     """The causes, and the laws that are near the best, each under the best of the floors that the leaders ask for."""
-    first = _under(problem, [*causes, *laws], floor)[1]
-    totals = dict(zip((c.name for c in first.candidates), first.totals() - first.without(), strict=True))
-    least = max(totals.values(), default=0.0) - PROMISING_NATS
-    promising = [law for law in laws if totals[law.name] > least]
+    promising = _promising(problem, causes, laws, floor)
     if not promising:
         return {}
     names = {law.name for law in promising}
@@ -176,9 +176,27 @@ def _ranked(
     return {name: r for name, r in ranks.items() if r.best is not None}
 
 
-def _under(
-    problem: ScoringProblem, items: list[Candidate], floor: NoiseFloor
-) -> tuple[tuple[Bank, Bank], WalkMarginal]:
-    layout = problem.view.layout
-    banks = build_bank(items, layout, moving=False), build_bank(items, layout, moving=True)
+def _promising(
+    problem: ScoringProblem, causes: list[Candidate], laws: Iterable[Candidate], floor: NoiseFloor
+) -> list[Candidate]:
+    """The laws near the best of laws and causes. Of very many visits some laws at a time: each has columns for every
+    visit, and hardly any is near."""
+    totals, kept = dict[str, float](), list[Candidate]()
+    following = iter(laws)
+    at_once = max(FEWEST_LAWS_AT_ONCE, COLUMNS_AT_ONCE // max(problem.view.keep.size, 1))
+    some = [*causes, *(found := list(islice(following, at_once)))]
+    while some:
+        first = _under(problem, some, floor)[1]
+        values = first.totals() - first.without()
+        totals |= {c.name: float(x) for c, x in zip(first.candidates, values, strict=True)}
+        least = max(totals.values()) - PROMISING_NATS
+        kept = [law for law in (*kept, *found) if totals[law.name] > least]
+        some = found = list(islice(following, at_once))
+    return kept
+
+
+def _under(problem: ScoringProblem, items: list[Candidate], floor: NoiseFloor) -> tuple[tuple[Bank, ...], WalkMarginal]:
+    # Where nothing moves within the visits, what does is no space to look at.
+    kinds = sorted({c.dwell is not None for c in items})
+    banks = tuple(build_bank(items, problem.view.layout, moving=moving) for moving in kinds)
     return banks, WalkMarginal(score_bank(problem, banks, floor), (), ())

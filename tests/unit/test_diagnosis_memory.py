@@ -1,0 +1,90 @@
+"""What a diagnosis holds at once does not follow the number of laws and units that it goes through."""
+
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.rival_laws import rival_laws
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.linear.projection import DataColumns, ResidualSpace
+from station.diagnosis.search import distinguishability, form_check
+from station.diagnosis.search.candidate_banks import all_candidates
+from station.diagnosis.search.distinguishability import SignatureAxes, estimate_signal, signature_axes
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.domain.core.types import Floats
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, hide
+from tests.blind.recipes import recipe
+
+
+@pytest.fixture(scope="module")
+def problem() -> Any:
+    table, _ = hide(recipe(2), None, 3, units=3, floor=WHITE)
+    return initial_problem(reduce_samples(recipe(2), table), FloorAllowance.of(recipe(2), Model()))
+
+
+def few_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(form_check, "COLUMNS_AT_ONCE", 1)
+    monkeypatch.setattr(form_check, "FEWEST_LAWS_AT_ONCE", 7)
+
+
+def test_laws_looked_at_in_portions_are_those_of_all_at_once(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    floor, laws = problem.fit().floor, list(rival_laws(problem.view))
+    # As narrow as to leave some out, so that the best so far is not the best of all.
+    monkeypatch.setattr(form_check, "PROMISING_NATS", 1.0)
+    whole = [law.name for law in form_check._promising(problem, [], laws, floor)]
+    few_at_once(monkeypatch)
+    assert [law.name for law in form_check._promising(problem, [], laws, floor)] == whole
+    assert 0 < len(whole) < len(laws)
+
+
+def test_laws_that_are_far_behind_are_not_held(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    floor = problem.fit().floor
+    everything = sum(law.stop.nbytes for law in rival_laws(problem.view))
+    monkeypatch.setattr(form_check, "PROMISING_NATS", 0.0)
+    few_at_once(monkeypatch)
+    kept, peak = traced(lambda: form_check._promising(problem, [], rival_laws(problem.view), floor))
+    assert len(kept) == 0
+    assert peak < everything / 2, (peak, everything)
+
+
+def traced(call: Any) -> tuple[Any, int]:
+    """What a call returns, and the most memory that it held, bytes."""
+    tracemalloc.start()
+    try:
+        return call(), tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["nest-tilt", "quadratic", "step"])
+def test_causes_are_as_far_apart_some_units_at_a_time(problem: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    space, every = problem.space(problem.fit().floor, moving=False), all_candidates(problem.view)
+    others = [(c, np.ones(len(c.names))) for c in every if c.name == name and c.dwell is None][:3]
+    cubic = next(c for c in every if c.name == "cubic")
+    found = estimate_signal(cubic, problem.view, space, np.ones(len(cubic.names)))
+    seen = list[int]()
+    project = ResidualSpace.project
+
+    def noted(self: ResidualSpace, rows: DataColumns, units: slice = slice(None)) -> Floats:
+        seen.append(len(rows.stop))
+        return project(self, rows, units)
+
+    monkeypatch.setattr(ResidualSpace, "project", noted)
+    monkeypatch.setattr(distinguishability, "UNITS_AT_ONCE", 2)
+    for one in others:
+        apart = distinguishability.separations(found, [one], problem.view, space)[name]
+        assert seen == [2, 1]
+        axes = signature_axes(one[0], problem.view, space, one[1])
+        assert apart == pytest.approx(plainly(found, axes), rel=1e-9)
+        seen.clear()
+    assert others
+
+
+def plainly(found: Any, other: SignatureAxes) -> float:
+    """d·√κ by the axes of all units at once."""
+    unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
+    apart = distinguishability._squares_outside(found.data[..., None], other, each=False)
+    return float(np.sqrt(max(apart - distinguishability._squares_outside(unit, other, each=found.axes.own), 0.0)))
