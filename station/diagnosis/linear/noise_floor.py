@@ -127,9 +127,13 @@ class FloorStructure:
         C, B, v, k = self.walk.shape[:4]
         by_visit = split_blocks(rows, B * v, k, axis=2)
         member = self.member[units]
-        onward = (self.walk.reshape(C, B * v, k, 3)[member].swapaxes(-1, -2) @ by_visit)[:, :, ::-1].cumsum(2)
-        step = self.step.reshape(C, B * v)[member][:, :, ::-1]
-        return np.asarray(np.einsum("urv,urvic->c", step, onward**2, optimize=True))
+        each = self.walk.reshape(C, B * v, k, 3)[member].swapaxes(-1, -2) @ by_visit
+        step = self.step.reshape(C, B * v)[member].reshape(-1, B * v)
+        onward, squares = np.zeros((*member.shape, 3, rows.shape[-1])), np.zeros((3, rows.shape[-1]))
+        for i in range(B * v)[::-1]:
+            onward += each[:, :, i]
+            squares += (step[:, i] @ (onward**2).reshape(len(step), -1)).reshape(squares.shape)
+        return np.asarray(squares.sum(0))
 
 
 def _triangular_inverse(L: Floats) -> Floats:
