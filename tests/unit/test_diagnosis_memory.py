@@ -13,7 +13,7 @@ from station.diagnosis.search import distinguishability, form_check
 from station.diagnosis.search.candidate_banks import all_candidates
 from station.diagnosis.search.distinguishability import SignatureAxes, estimate_signal, signature_axes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
-from station.domain.core.types import Floats
+from station.domain.core.types import Floats, Labels
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
 from tests.blind.recipes import recipe
@@ -88,3 +88,13 @@ def plainly(found: Any, other: SignatureAxes) -> float:
     unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
     apart = distinguishability._squares_outside(found.data[..., None], other, each=False)
     return float(np.sqrt(max(apart - distinguishability._squares_outside(unit, other, each=found.axes.own), 0.0)))
+
+
+def test_a_column_whose_names_are_all_used_is_not_copied() -> None:
+    column = Labels(("A", "B", "C"), np.array([2, 0, 1, 1], np.int32))
+    assert column.used().code is column.code
+    fewer = column[np.array([0, 2])].used()
+    assert fewer.names == ("B", "C") and fewer.code.tolist() == [1, 0]
+    assert fewer.code.dtype == np.int32
+    nothing = column[:0].used()
+    assert nothing.names == () and not len(nothing.code)

@@ -94,8 +94,11 @@ class Labels:
 
     def used(self) -> "Labels":
         """The same column without names that no row has."""
-        present, code = np.unique(self.code, return_inverse=True)
-        return Labels(tuple(self.names[i] for i in present), code.astype(np.int32))
+        present = np.bincount(self.code, minlength=len(self.names)) > 0
+        if present.all():
+            return self
+        place = (np.cumsum(present) - 1).astype(np.int32)
+        return Labels(tuple(self.names[i] for i in np.flatnonzero(present)), place[self.code])
 
     @staticmethod
     def of(text: Any) -> "Labels":
