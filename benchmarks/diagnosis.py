@@ -20,6 +20,7 @@ from diagnosis_rows.detection import false_alarms, power
 from diagnosis_rows.figures import Figure
 from diagnosis_rows.intervals import coverage
 from diagnosis_rows.long_runs import long_runs
+from diagnosis_rows.many_units import many_units
 from diagnosis_rows.naming import gain, naming, set_size, sizes
 from diagnosis_rows.pairs import two
 from diagnosis_rows.ties import degenerate, resolved
@@ -39,6 +40,7 @@ ROWS: dict[str, Callable[[int, int], list[Figure]]] = {
     "next-run": resolved,
     "cost": cost,
     "long-runs": lambda seed, _: long_runs(seed),
+    "many-units": lambda seed, _: many_units(seed),
 }
 
 
