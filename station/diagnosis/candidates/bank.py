@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.grid import RowLayout
@@ -45,8 +46,8 @@ class Candidate:
     """A cause, or a generic kernel, at one shape and level.
 
     name: effect id or the kernel's name; effect: at its shape, None for a kernel; of: level; code (v) and names of
-    the groups; stop (v, 3, a) columns of the stops' means; dwell (v, B−1, 3, a) of the contrasts, or None; scale of
-    the effect's sizes in this recipe; plain: the same without the columns that its covariate's error adds, if any;
+    the groups; columns at the stops, one object for all levels that share them; scale of the effect's sizes in this
+    recipe; plain: the same without the columns that its covariate's error adds, if any;
     own: the effect of each group, where they differ in shape (`own_times.py`); axis_scale (a): how much larger each
     axis' coefficient usually is than the first one's, 1 where empty.
     """
@@ -57,12 +58,26 @@ class Candidate:
     pattern: Pattern
     code: NDArray[np.int32]
     names: tuple[str, ...]
-    stop: Floats
-    dwell: Floats | None = None
+    columns: StopColumns
     scale: float = 1.0
     plain: "Candidate | None" = None
     own: tuple[Effect, ...] = ()
     axis_scale: tuple[float, ...] = ()
+
+    @property
+    def stop(self) -> Floats:
+        """Columns (v, 3, a) of the stops' means."""
+        return self.columns.stop()
+
+    @property
+    def dwell(self) -> Floats | None:
+        """Columns (v, B−1, 3, a) of the contrasts, None of what stands still in a stop."""
+        return self.columns.dwell()
+
+    @property
+    def moving(self) -> bool:
+        """Whether it changes within a stop."""
+        return self.columns.moving is not None
 
     @property
     def shapes(self) -> dict[Effect, NDArray[np.bool_]]:
@@ -83,12 +98,12 @@ class Candidate:
     @property
     def scans_visits(self) -> bool:
         """Whether it hits single visits, and stands still in each."""
-        return self.pattern == "scan" and self.of == "visit" and self.dwell is None
+        return self.pattern == "scan" and self.of == "visit" and not self.moving
 
     @property
     def axes(self) -> int:
         """Coefficients a group."""
-        return int(self.stop.shape[-1])
+        return self.columns.count
 
     def local_codes(self, layout: RowLayout) -> tuple[NDArray[np.int32], int]:
         """Group codes (v) counted within a unit where groups belong to one, and how many there are."""
@@ -115,14 +130,14 @@ class Candidate:
             place[chosen] = np.arange(len(chosen))
             code, groups = place[code].astype(np.int32), len(chosen) + 1
         columns = None if chosen is None else len(chosen) * self.axes
-        inside = None if self.dwell is None else _by_group(self.dwell, code, groups)[..., :columns]
+        dwell = self.dwell
+        inside = None if dwell is None else _by_group(dwell, code, groups)[..., :columns]
         return layout.rows(_by_group(self.stop, code, groups)[..., :columns], inside)
 
     def select_visits(self, chosen: NDArray[np.bool_]) -> "Candidate":
         """The same at some of the stops."""
-        dwell = None if self.dwell is None else self.dwell[chosen]
         # The plain one is for what is accepted in the end.
-        return replace(self, code=self.code[chosen], stop=self.stop[chosen], dwell=dwell)
+        return replace(self, code=self.code[chosen], columns=self.columns.select_visits(chosen))
 
 
 def candidate_in_view(candidate: Candidate, view: ResidualView) -> Candidate:
@@ -134,7 +149,7 @@ def candidate_in_view(candidate: Candidate, view: ResidualView) -> Candidate:
     for (other, _), rows in parts[1:]:
         # Only what stands still during a stop has a shape of each group's own.
         stop = np.where(rows[:, None, None], other, stop)
-    return replace(candidate, stop=stop, dwell=dwell)
+    return replace(candidate, columns=StopColumns.of(stop, dwell))
 
 
 def _by_group(columns: Floats, code: NDArray[np.int32], groups: int) -> Floats:
@@ -216,8 +231,8 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     """The cause at every shape and level."""
     found = []
     for shaped in scanned_forms(effect, view):
-        stop, dwell = view.signature(shaped)
-        found += [_candidate(shaped, of, pattern, view, stop, dwell) for of, pattern in _levels(effect, view)]
+        columns = StopColumns.of(*view.signature(shaped))
+        found += [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(effect, view)]
     return [_with_covariate_error(_with_even_powers(c), view) for c in found]
 
 
@@ -230,7 +245,7 @@ def disturbed_readings(view: ResidualView) -> list[Candidate]:
     anything = np.broadcast_to(np.eye(3), (len(code), 3, 3)).copy()
     if view.grid.k == 1:
         anything = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
-    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, anything)]
+    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, StopColumns.of(anything))]
 
 
 def _with_even_powers(c: Candidate) -> Candidate:
@@ -239,8 +254,10 @@ def _with_even_powers(c: Candidate) -> Candidate:
     if not isinstance(c.effect, TemperaturePolynomial) or c.effect.degree == 1:
         return c
     length = np.sqrt(np.mean(c.stop**2, axis=(0, 1)).reshape(c.effect.degree, -1).sum(1))
-    scale = np.repeat(length[0] / np.maximum(length, 1e-300), c.stop.shape[2] // c.effect.degree)
-    return replace(c, stop=c.stop * scale, plain=replace(c, axis_scale=tuple(float(x) for x in scale)))
+    scale = np.repeat(length[0] / np.maximum(length, 1e-300), c.axes // c.effect.degree)
+    return replace(
+        c, columns=StopColumns.of(c.stop * scale), plain=replace(c, axis_scale=tuple(float(x) for x in scale))
+    )
 
 
 def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
@@ -259,7 +276,7 @@ def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
     for mode in modes.T:
         off = view.with_rate(mode).signature(c.effect, c.of)[0]
         columns += [off * (of_unit == r)[:, None, None] for r in range(int(of_unit.max()) + 1)]
-    return replace(c, stop=np.concatenate(columns, axis=2), plain=c)
+    return replace(c, columns=StopColumns.of(np.concatenate(columns, axis=2)), plain=c)
 
 
 def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
@@ -283,12 +300,10 @@ def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
     return found
 
 
-def _candidate(
-    effect: Effect, of: str, pattern: Pattern, view: ResidualView, stop: Floats, dwell: Floats | None
-) -> Candidate:
+def _candidate(effect: Effect, of: str, pattern: Pattern, view: ResidualView, columns: StopColumns) -> Candidate:
     code, names = view.scene.group(of)
     scale = effect.parameter.scale(view.scene.recipe)
-    return Candidate(effect.id, effect, of, pattern, code, names, stop, dwell, scale)
+    return Candidate(effect.id, effect, of, pattern, code, names, columns, scale)
 
 
 class BankColumns(NamedTuple):
@@ -333,34 +348,32 @@ class Bank:
         if self.all_columns is not None:
             return self.all_columns.of_units(units)
         stops = layout.grid.part(units)[1]
-        parts = [m.candidate.stop[stops] for m in self.made]
-        stop = self._scatter_to_groups(layout.keep[stops] @ np.concatenate(parts, axis=2), stops)
+        stop = self._scatter_to_groups([m.candidate.columns.retained(layout.keep, stops) for m in self.made], stops)
         if not self.moving:
             return layout.columns(stop, None, units)
-        inside = np.concatenate([m.candidate.dwell[stops] for m in self.made if m.candidate.dwell is not None], axis=3)
-        dwell = layout.scaled(inside, stops)
-        return layout.columns(
-            stop, self._scatter_to_groups(dwell.reshape(len(dwell), -1, dwell.shape[-1]), stops), units
-        )
+        inside = [
+            layout.scaled(dwell, stops) for m in self.made if (dwell := m.candidate.columns.dwell(stops)) is not None
+        ]
+        flat = [dwell.reshape(len(dwell), -1, dwell.shape[-1]) for dwell in inside]
+        return layout.columns(stop, self._scatter_to_groups(flat, stops), units)
 
-    def _scatter_to_groups(self, columns: Floats, stops: slice) -> Floats:
+    def _scatter_to_groups(self, parts: Sequence[Floats], stops: slice) -> Floats:
         """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
-        out = np.zeros((*columns.shape[:2], self.made[-1].at.stop))
-        row, end = np.arange(len(columns)), 0
-        for made in self.made:
-            start, end = end, end + made.candidate.axes
+        out = np.zeros((*parts[0].shape[:2], self.made[-1].at.stop))
+        row = np.arange(len(out))
+        for made, columns in zip(self.made, parts, strict=True):
             if made.at.stop - made.at.start == made.candidate.axes:
                 # One group: its columns are whole.
-                out[..., made.at] = columns[..., start:end]
+                out[..., made.at] = columns
                 continue
             by_group = out[..., made.at].reshape(*out.shape[:2], -1, made.candidate.axes)
-            by_group[row, :, made.code[stops]] = columns[..., start:end]
+            by_group[row, :, made.code[stops]] = columns
         return out
 
 
 def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -> Bank:
     """The candidates that move within a stop, or those that do not."""
-    chosen = [c for c in items if (c.dwell is not None) == moving]
+    chosen = [c for c in items if c.moving == moving]
     local = {(c.of, id(c.code)): c.local_codes(layout) for c in chosen}
     bank = _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
     if not bank.made or layout.grid.units > UNITS_AT_ONCE:
@@ -372,7 +385,7 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
 def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:
     """The bank of candidates, with the group of each stop within its unit and how many groups there are. Columns of one
     width stand side by side."""
-    keys = [None if c.scans_visits else (id(c.stop), code.tobytes()) for c, code, _ in items]
+    keys = [None if c.scans_visits else (id(c.columns), code.tobytes()) for c, code, _ in items]
     widths: dict[tuple[int, bytes], tuple[int, Candidate, NDArray[np.int32]]] = {}
     for key, (c, code, groups) in zip(keys, items, strict=True):
         if key is not None:

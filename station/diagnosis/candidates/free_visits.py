@@ -16,11 +16,11 @@ ROUNDING = 1e-9
 def says_nothing(candidate: Candidate, view: ResidualView) -> bool:
     """Whether each of the visits, which are many, is a group of its own that may read anything, or nothing at all."""
     visits = len(candidate.code)
-    if visits <= MOST_FREE_VISITS or candidate.pattern == "scan" or candidate.dwell is not None:
+    if visits <= MOST_FREE_VISITS or candidate.pattern == "scan" or candidate.moving:
         return False
     if len(np.unique(candidate.code)) < visits:
         return False
-    columns = view.keep @ candidate.stop
-    if np.abs(columns).max() <= ROUNDING * np.abs(candidate.stop).max():
+    columns = candidate.columns.retained(view.keep)
+    if np.abs(columns).max() <= ROUNDING * np.abs(candidate.columns.still).max():
         return True
     return bool(np.all(np.linalg.matrix_rank(columns) == view.grid.k))

@@ -13,6 +13,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.reduce import mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
@@ -61,17 +62,15 @@ def acts_by(effect: Effect | type[Effect]) -> str:
     return _ACTS_BY.get(effect.drawn_over, "input")
 
 
-def _kernel(name: str, of: str, view: ResidualView, stop: Floats, dwell: Floats | None = None) -> Candidate:
+def _kernel(name: str, of: str, view: ResidualView, columns: StopColumns) -> Candidate:
     """A kernel shared at one of the scene's levels."""
     code, names = view.scene.group(of)
-    return _grouped(name, of, code, names, stop, dwell)
+    return _grouped(name, of, code, names, columns)
 
 
-def _grouped(
-    name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...], stop: Floats, dwell: Floats | None = None
-) -> Candidate:
+def _grouped(name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...], columns: StopColumns) -> Candidate:
     pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
-    return Candidate(name, None, of, pattern, code, names, stop, dwell)
+    return Candidate(name, None, of, pattern, code, names, columns)
 
 
 def _levels(view: ResidualView, *levels: str) -> Iterator[str]:
@@ -94,12 +93,12 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
     t = view.scene.time_s
     share = (t - t.min()) / max(float(np.ptp(t)), 1e-9)
     for waves in HALF_WAVES:
-        columns = _each_axis(np.cos(np.pi * share[:, None] * np.array(waves)))
+        columns = StopColumns.of(_each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
         for of in _levels(view, "run", "unit", "common"):
             yield _kernel("time", of, view, columns)
     # Some swings in a run, with any phase: few numbers, where a run has few visits.
     for swing in _swings(view):
-        columns = _each_axis(np.concatenate(swing, axis=1))
+        columns = StopColumns.of(_each_axis(np.concatenate(swing, axis=1)))
         for of in _levels(view, "run", "unit", "common"):
             yield _kernel("time", of, view, columns)
 
@@ -126,11 +125,11 @@ def _order(view: ResidualView) -> Iterator[Candidate]:
     step = _each_axis(_steps(view, a))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
     earlier = _diagonal(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
+    turned = StopColumns.of(_diagonal(a) * turn)
+    alone = [StopColumns.of(columns) for columns in (turn, step, earlier)]
     for of in _levels(view, "unit", "common"):
-        yield _kernel("order", of, view, turn)
-        yield _kernel("order", of, view, step)
-        yield _kernel("order", of, view, earlier)
-        yield _kernel("order*input", of, view, _diagonal(a) * turn)
+        yield from (_kernel("order", of, view, columns) for columns in alone)
+        yield _kernel("order*input", of, view, turned)
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
     yield _grouped("order", "previous", before.astype(np.int32), names, _ones(view))
@@ -142,7 +141,7 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
     places = len(visits.position.names)
     yield _kernel("position", "position", view, _ones(view))
     if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
-        yield _kernel("position", "position", view, visits.seat_R.transpose(0, 2, 1).copy())
+        yield _kernel("position", "position", view, StopColumns.of(visits.seat_R.transpose(0, 2, 1)))
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
         yield _grouped("position", "unit-position", *_packed(code), _ones(view))
@@ -155,14 +154,15 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
         return
     # A bend or two of what a straight line leaves, or any curve.
     for degree in (3, 6):
-        columns = _each_axis(legendre.legvander(_scaled(T), degree)[:, 1:])
+        columns = StopColumns.of(_each_axis(legendre.legvander(_scaled(T), degree)[:, 1:]))
         for of in _levels(view, "unit", "common"):
             yield _kernel("temperature", of, view, columns)
     memory = TemperatureMemory.of(view.scene)
     if memory is not None:
         # What lags behind it, or is on another branch while it rises.
         branches = [memory.branch(PLAY, start) for start in (-1.0, 1.0)]
-        columns = _each_axis(np.stack([(T - memory.lagged(LAG)) / memory.range_degC, *branches], axis=1))
+        functions = np.stack([(T - memory.lagged(LAG)) / memory.range_degC, *branches], axis=1)
+        columns = StopColumns.of(_each_axis(functions))
         for of in _levels(view, "unit", "common"):
             yield _kernel("temperature", of, view, columns)
 
@@ -178,7 +178,7 @@ def _input(view: ResidualView) -> Iterator[Candidate]:
     a = resting_stimulus(view.scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
-    columns = _each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
+    columns = StopColumns.of(_each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1)))
     for of in _levels(view, "unit", "common"):
         yield _kernel("input", of, view, columns)
 
@@ -195,9 +195,9 @@ def _phase(view: ResidualView) -> Iterator[Candidate]:
     slow = (np.repeat(x, 3, axis=1) for x in _slow_courses(view))
     for size in (np.ones_like(a), step, a, *slow):
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
-        stop, dwell = mean_and_contrasts(rows, r.count)
+        columns = StopColumns.of(*mean_and_contrasts(rows, r.count))
         for of in _levels(view, "unit", "common"):
-            yield _kernel(MOVING_KERNEL, of, view, stop, dwell)
+            yield _kernel(MOVING_KERNEL, of, view, columns)
 
 
 def _slow_courses(view: ResidualView) -> Iterator[Floats]:
@@ -214,13 +214,13 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
         return
     a = resting_stimulus(view.scene, view.active)
     yield _kernel("unit", "run", view, _ones(view))
-    yield _kernel("unit", "run", view, np.eye(3) * a[:, None, :])
+    yield _kernel("unit", "run", view, StopColumns.of(_diagonal(a)))
 
 
 def _group(view: ResidualView) -> Iterator[Candidate]:
     """Another offset, and another matrix, for each station, nest, lot and operator."""
     a = resting_stimulus(view.scene, view.active)
-    matrix = np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9)
+    matrix = StopColumns.of(np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
             yield _kernel("group", of, view, _ones(view))
@@ -232,7 +232,7 @@ def _motor(view: ResidualView) -> Iterator[Candidate]:
     motor = view.scene.motor
     if motor is None or not np.ptp(motor):
         return
-    columns = _each_axis(legendre.legvander(_scaled(motor), 3)[:, 1:])
+    columns = StopColumns.of(_each_axis(legendre.legvander(_scaled(motor), 3)[:, 1:]))
     for of in _levels(view, "unit", "common"):
         yield _kernel("motor", of, view, columns)
 
@@ -247,14 +247,14 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             # (v, 3, functions of the one, functions of the other)
             both = factor[one][:, :, :bends, None] * factor[two][:, :, None, :bends]
             functions = both.reshape(len(both), 3, -1)
-            columns = np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1)
+            columns = StopColumns.of(np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1))
             for of in _levels(view, "unit", "common") if bends == 1 else ("unit",):
                 yield _kernel(f"{one}*{two}", of, view, columns)
     a = resting_stimulus(view.scene, view.active)
     for one in FACTORS:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
             # What each axis takes of any, changing with a covariate.
-            columns = _each_axis(a) * factor[one][:, :, :1]
+            columns = StopColumns.of(_each_axis(a) * factor[one][:, :, :1])
             for of in _levels(view, "unit", "common"):
                 yield _kernel(name, of, view, columns)
 
@@ -263,7 +263,7 @@ def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
     """A gain that swings in time, with any phase."""
     a = resting_stimulus(view.scene, view.active)
     for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
-        columns = np.concatenate([_diagonal(a * wave) for wave in swing], axis=2)
+        columns = StopColumns.of(np.concatenate([_diagonal(a * wave) for wave in swing], axis=2))
         for of in _levels(view, "run", "unit", "common"):
             yield _kernel("time*input", of, view, columns)
 
@@ -286,8 +286,8 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
     return {**found, "order": step[:, :, None], "input": np.stack([a, a**2], axis=2)}
 
 
-def _ones(view: ResidualView) -> Floats:
-    return np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)).copy()
+def _ones(view: ResidualView) -> StopColumns:
+    return StopColumns.of(np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
 
 
 def _scaled(values: Floats) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidate_in_view
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
 from station.domain.core.types import Floats
@@ -113,7 +114,7 @@ def _covariate_error_columns(view: ResidualView, accepted: tuple[AcceptedCause, 
     for acting in (acting for item in accepted for acting in item.active_effects().values()):
         stop = view.covariate_error(acting)
         if stop is not None:
-            yield Candidate("blur", None, "run", "own", code, names, stop).rows(view.layout)
+            yield Candidate("blur", None, "run", "own", code, names, StopColumns.of(stop)).rows(view.layout)
 
 
 def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColumns, CoefficientIndex]:

@@ -12,6 +12,7 @@ from itertools import chain, combinations, product
 import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import has_jump
@@ -89,11 +90,12 @@ def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -
         columns = np.concatenate([np.eye(3) * part[:, None, :] for part in parts], axis=2)
         if not np.any(np.ptp(columns, axis=0)):
             continue
+        packed = StopColumns.of(columns)
         for of in levels:
             code, names = view.scene.group(of)
             pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
             word = f"{covariates}*group" if of in LABELS else covariates
-            yield Candidate(f"{PREFIX}{word}/{of}", None, of, pattern, code, names, columns)
+            yield Candidate(f"{PREFIX}{word}/{of}", None, of, pattern, code, names, packed)
 
 
 def _straight(view: ResidualView) -> Iterator[Law]:
@@ -130,21 +132,22 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
     """A cause that changes with a covariate: a course within the dwells that does, or grows with the move before it;
     and whatever stands still in a dwell, of one size at first."""
     curves = {name: of.plain for name, of in _curves(view)}
-    if cause.dwell is not None:
+    stop, dwell = cause.stop, cause.dwell
+    if dwell is not None:
         size = np.linalg.norm(_steps(view), axis=1)
         for name, x in {**curves, "order": size}.items():
-            dwell = cause.dwell * x[:, None, None, None]
-            yield _law_of(cause, f"dwell-phase*{name}", cause.stop * x[:, None, None], dwell)
+            changed = StopColumns.of(stop * x[:, None, None], dwell * x[:, None, None, None])
+            yield _law_of(cause, f"dwell-phase*{name}", changed)
     elif cause.effect is not None and cause.pattern != "scan":
         word = acts_by(cause.effect)
         # What follows the temperature and changes with it is a cause of the library of another degree.
         for name, x in curves.items():
             if name == word == "temperature":
                 continue
-            changed = cause.stop * x[:, None, None]
+            also = stop * x[:, None, None]
             both = "*".join(dict.fromkeys((name, word)))
-            yield _law_of(cause, both, changed, None)
-            yield _law_of(cause, both, np.concatenate([cause.stop, changed], axis=2), None)
+            yield _law_of(cause, both, StopColumns.of(also))
+            yield _law_of(cause, both, StopColumns.of(np.concatenate([stop, also], axis=2)))
         yield from _of_groups(cause, cause.effect, view)
 
 
@@ -158,7 +161,7 @@ def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator
         code, names = view.scene.group(of)
         both = len(np.unique(np.stack([units, code]), axis=1).T)
         if len(names) > 1 and not both == len(names) == view.grid.units:
-            law = _law_of(cause, f"{acts_by(effect)}*group", cause.stop, None)
+            law = _law_of(cause, f"{acts_by(effect)}*group", cause.columns)
             yield replace(law, name=f"{law.name}/{of}", of=of, pattern="shared", code=code, names=names)
 
 
@@ -186,10 +189,10 @@ def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[list[Candi
         yield [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(laws)]
 
 
-def _law_of(cause: Candidate, word: str, stop: Floats, dwell: Floats | None) -> Candidate:
+def _law_of(cause: Candidate, word: str, columns: StopColumns) -> Candidate:
     """Columns as a law that groups as a cause does."""
     name = f"{PREFIX}{word}/{cause.of}"
-    return replace(cause, name=name, effect=None, stop=stop, dwell=dwell, plain=None, own=(), axis_scale=())
+    return replace(cause, name=name, effect=None, columns=columns, plain=None, own=(), axis_scale=())
 
 
 def _laws(view: ResidualView) -> Iterator[Law]:

@@ -13,6 +13,7 @@ from station.diagnosis.candidates.bank import (
     candidate_jump_times,
     jump_times_between,
 )
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.projection import ResidualSpace
@@ -74,7 +75,7 @@ def evidence_of(candidate: Candidate, view: ResidualView, space: ResidualSpace) 
 
 def _evidence(candidates: Sequence[Candidate], view: ResidualView, space: ResidualSpace) -> Floats:
     """Log evidence (candidates) of shapes of one cause."""
-    bank = build_bank(candidates, view.layout, moving=candidates[0].dwell is not None)
+    bank = build_bank(candidates, view.layout, moving=candidates[0].moving)
     return project_bank(bank, view.layout, [space])[0].evidence
 
 
@@ -91,8 +92,7 @@ def with_form_value(candidate: Candidate, field: str, value: float, view: Residu
 
 def with_form(candidate: Candidate, effect: Effect, view: ResidualView) -> Candidate:
     """The candidate at another shape."""
-    stop, dwell = view.signature(effect, candidate.of)
-    return replace(candidate, effect=effect, stop=stop, dwell=dwell)
+    return replace(candidate, effect=effect, columns=StopColumns.of(*view.signature(effect, candidate.of)))
 
 
 def tune_form(

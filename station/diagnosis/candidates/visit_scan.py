@@ -47,7 +47,7 @@ def visit_columns(bank: Bank, i: int, layout: RowLayout, units: slice) -> VisitC
     """The columns of a scan of a bank for some units."""
     candidate, code = bank.candidates[i], bank.codes[i]
     grid, stops = layout.grid.part(units)
-    retained, code = layout.keep[stops] @ candidate.stop[stops], code[stops]
+    retained, code = candidate.columns.retained(layout.keep, stops), code[stops]
     slot = grid.slot.reshape(grid.units, -1)
     unit, at = np.nonzero(slot >= 0)
     visit = slot[unit, at]

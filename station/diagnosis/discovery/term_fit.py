@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.evidence import log_evidence
@@ -109,7 +110,7 @@ def _candidate(
 ) -> Candidate:
     code, names = view.scene.group(term.of)
     pattern: Pattern = "own" if term.of in PER_UNIT_LEVELS else "shared"
-    return Candidate(name, effect, term.of, pattern, code, names, stop, dwell)
+    return Candidate(name, effect, term.of, pattern, code, names, StopColumns.of(stop, dwell))
 
 
 def _by_simulation(term: Term) -> bool:

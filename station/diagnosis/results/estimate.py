@@ -60,7 +60,7 @@ def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[Accept
     if not parameters:
         return item, ()
     bare = problem.without(i)
-    space = bare.space(fitted.floor, moving=item.candidate.dwell is not None)
+    space = bare.space(fitted.floor, moving=item.candidate.moving)
     candidate, best = tune_form(item.candidate, bare.view, space)
     found = tuple(form_posterior(candidate, b, p, bare.view, space) for b, p in zip(best, parameters, strict=True))
     for p in found:

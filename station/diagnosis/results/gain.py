@@ -59,7 +59,7 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     bare = problem
     for i in sorted(which, reverse=True):
         bare = bare.without(i)
-    moving = any(item.candidate.dwell is not None for item in items) or bare.known.moving
+    moving = any(item.candidate.moving for item in items) or bare.known.moving
     fresh = [replace(item, coefficient=np.zeros(item.coefficient.shape)) for item in items]
     sides = (bare, bare.with_accepted([*bare.accepted, *fresh]))
     by = _held_out_by(problem, items[0])

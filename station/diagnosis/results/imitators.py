@@ -118,7 +118,7 @@ def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool
     bare = alone.problem
     first = len(bare.accepted) - len(alone.terms)
     terms = bare.accepted[first:]
-    if not terms or any(item.candidate.dwell is not None for item in (*terms, *causes)):
+    if not terms or any(item.candidate.moving for item in (*terms, *causes)):
         return False
     for i in reversed(range(first, len(bare.accepted))):
         bare = bare.without(i)

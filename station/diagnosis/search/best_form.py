@@ -35,7 +35,7 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
         # Without its waves a cause that rings explains next to nothing.
         if r.evidence < PROMISING_SHARE * top and not (rings and may_ring(r.best.effect)):
             continue
-        space = problem.space(r.at.floor, moving=r.best.dwell is not None)
+        space = problem.space(r.at.floor, moving=r.best.moving)
         best = _with_best_form(r.best, problem.view, space)
         if rings and may_ring(r.best.effect):
             ringing = _with_best_form(with_ringing(r.best, problem.view, space), problem.view, space)
@@ -44,7 +44,7 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
             best = ringing if loud > quiet + UNKNOWN_NATS else best
         if best is not r.best:
             gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
-            bank = build_bank([best], problem.view.layout, moving=best.dwell is not None)
+            bank = build_bank([best], problem.view.layout, moving=best.moving)
             ranks[name] = RankedCause(name, r.evidence + max(gain, 0.0), best, score_bank(problem, [bank], r.at.floor))
     return ranks
 

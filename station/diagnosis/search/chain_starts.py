@@ -40,7 +40,7 @@ def parts_of_cause(problem: ScoringProblem, ranks: Mapping[str, RankedCause], wh
     if whole.best is None:
         return []
     evident = (r for r in _visible(ranks) if r.name != whole.name and r.evidence > 0)
-    causes = [r for r in evident if r.best is not None and r.best.dwell is None]
+    causes = [r for r in evident if r.best is not None and not r.best.moving]
     shares = []
     for signal, axes in _beside(problem, whole, causes):
         small = np.count_nonzero(axes.m) <= PART_NUMBERS * np.count_nonzero(signal.axes.m)
@@ -59,7 +59,7 @@ def _beside(
 ) -> Iterator[tuple[EstimatedSignal, SignatureAxes]]:
     """What the leader follows, and what each cause can, one after the other: axes are as long as all readings."""
     assert leader.best is not None
-    moving = any(r.best is not None and r.best.dwell is not None for r in (*causes, leader))
+    moving = any(r.best is not None and r.best.moving for r in (*causes, leader))
     space = problem.space(leader.at.floor, moving=moving)
     hit = leader.at.hit(leader.best, problem.view)
     followed = estimate_signal(leader.best, problem.view, space, hit.astype(float))

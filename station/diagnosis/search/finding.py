@@ -121,7 +121,7 @@ def _accept(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause 
         best, hit = fit_jump_times(problem, at.accept(best, problem.view), at.floor)
         at = score_bank(problem, [build_bank([best], problem.view.layout, moving=False)], at.floor)
     floor = problem.with_accepted((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
-    own = score_bank(problem, [build_bank([best], problem.view.layout, moving=best.dwell is not None)], floor)
+    own = score_bank(problem, [build_bank([best], problem.view.layout, moving=best.moving)], floor)
     return own.accept(best, problem.view, hit), floor
 
 
@@ -158,7 +158,7 @@ def _indistinguishable(
         for r in causes
         if r.best is not None and r.name != accepted.candidate.name and not _is_free_in_each_run(r.best)
     ]
-    moving = any(c.dwell is not None for c in (accepted.candidate, *(c for c, _ in others)))
+    moving = any(c.moving for c in (accepted.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)
     found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
     hits = [(c, at.hit(c, problem.view, alone=True).astype(float)) for c, at in others]

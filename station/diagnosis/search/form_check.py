@@ -21,6 +21,7 @@ from station.diagnosis.candidates.bank import (
     cause_library,
     is_testable,
 )
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
@@ -96,7 +97,7 @@ def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[Riva
         for j in sorted((i, *(j for j, some in near.items() if some)), reverse=True):
             bare = bare.without(j)
         stop = np.concatenate([alone.stop, *(laws[0].stop for laws in every)], axis=2)
-        ranks = _ranked(bare, [replace(alone, stop=stop)], courses, floor)
+        ranks = _ranked(bare, [replace(alone, columns=StopColumns.of(stop))], courses, floor)
         if alone.name in ranks:
             own = ranks.pop(alone.name).evidence
             yield _rivals(ranks, own + float(np.log(len(courses))))
@@ -122,7 +123,7 @@ def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
     """A cause as it was accepted, and at every shape and level that the bank has of it: what was accepted stands
     without the lengths and the errors of its covariates."""
     found = [candidate_in_view(accepted, view)]
-    if accepted.effect is None or accepted.dwell is not None or accepted.pattern == "scan":
+    if accepted.effect is None or accepted.moving or accepted.pattern == "scan":
         return found
     effects = [e for e in cause_library(view.scene.recipe) if e.id == accepted.name and is_testable(e, view)]
     return found + [c for e in effects for c in candidates(e, view) if c.pattern != "scan"]
@@ -197,6 +198,6 @@ def _promising(
 
 def _under(problem: ScoringProblem, items: list[Candidate], floor: NoiseFloor) -> tuple[tuple[Bank, ...], WalkMarginal]:
     # Where nothing moves within the visits, what does is no space to look at.
-    kinds = sorted({c.dwell is not None for c in items})
+    kinds = sorted({c.moving for c in items})
     banks = tuple(build_bank(items, problem.view.layout, moving=moving) for moving in kinds)
     return banks, WalkMarginal(score_bank(problem, banks, floor), (), ())

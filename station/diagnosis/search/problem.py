@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, smooth_causes
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.nuisance import AcceptedCause, nuisance_of
 from station.diagnosis.candidates.solve import solve, whitened
 from station.diagnosis.data.reduce import ReducedScene
@@ -117,8 +118,8 @@ def _accepted_from_model(view: ResidualView, modelled: ModelEffect) -> Iterator[
         hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
         if hit.any():
             std = np.maximum(std, MIN_STD_SHARE * effect.parameter.typical * effect.parameter.scale(view.scene.recipe))
-            stop, dwell = view.signature(found.effect, found.of)
-            candidate = Candidate(effect.id, found.effect, found.of, "own", code, names, stop, dwell)
+            columns = StopColumns.of(*view.signature(found.effect, found.of))
+            candidate = Candidate(effect.id, found.effect, found.of, "own", code, names, columns)
             yield AcceptedCause(candidate, hit, found.coefficients, found.coefficients, std)
 
 

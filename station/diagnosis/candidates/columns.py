@@ -1,0 +1,59 @@
+"""Columns of a cause at the stops without the places where they are zero: most columns move one axis alone."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.domain.core.types import Array, Floats
+
+#: All stops.
+ALL_STOPS = slice(None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StopColumns:
+    """Columns of the stops' means (v, 3, a), and of the contrasts (v, B−1, 3, a) where they change within a stop.
+
+    axis, column (n): where a column is not zero at some stop; still (v, n) and moving (v, B−1, n) what stands there,
+    the latter None where nothing moves; count: a.
+    """
+
+    axis: NDArray[np.intp]
+    column: NDArray[np.intp]
+    still: Floats
+    moving: Floats | None
+    count: int
+
+    @staticmethod
+    def of(stop: Floats, dwell: Floats | None = None) -> "StopColumns":
+        """From whole columns."""
+        there = np.any(stop, axis=0)
+        if dwell is not None:
+            there = there | np.any(dwell, axis=(0, 1))
+        column, axis = np.nonzero(there.T)
+        moving = None if dwell is None else dwell[..., axis, column]
+        return StopColumns(axis, column, stop[:, axis, column], moving, stop.shape[2])
+
+    def stop(self, stops: slice = ALL_STOPS) -> Floats:
+        """Whole columns of some stops' means (v, 3, a)."""
+        return self._whole(self.still[stops])
+
+    def dwell(self, stops: slice = ALL_STOPS) -> Floats | None:
+        """Those of their contrasts (v, B−1, 3, a), if there are any."""
+        return None if self.moving is None else self._whole(self.moving[stops])
+
+    def retained(self, keep: Floats, stops: slice = ALL_STOPS) -> Floats:
+        """What `keep` (v, k, 3) of all stops leaves of some stops' means (v, k, a)."""
+        if len(self.axis) == self.count and np.array_equal(self.column, np.arange(self.count)):
+            return np.asarray(keep[stops][:, :, self.axis] * self.still[stops, None])
+        return np.asarray(keep[stops] @ self.stop(stops))
+
+    def select_visits(self, chosen: Array) -> "StopColumns":
+        """The same at some of the stops."""
+        return replace(self, still=self.still[chosen], moving=None if self.moving is None else self.moving[chosen])
+
+    def _whole(self, values: Floats) -> Floats:
+        out = np.zeros((*values.shape[:-1], 3, self.count))
+        out[..., self.axis, self.column] = values
+        return out

@@ -1,0 +1,39 @@
+"""Columns of the stops are held without the places that are zero, and are whole where they are asked for."""
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.columns import StopColumns
+
+
+def whole(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of five stops and of two contrasts each."""
+    there = {
+        "an axis each": np.eye(3)[:, [0, 1, 2, 0]],
+        "several axes": np.array([[1, 0, 1], [1, 1, 0], [0, 0, 1]]),
+        "one of zeros": np.eye(3)[:, :2] * [1, 0],
+        "in another order": np.eye(3)[:, [2, 0, 1]],
+    }[kind]
+    return there * rng.standard_normal((5, *there.shape)), there * rng.standard_normal((5, 2, *there.shape))
+
+
+@pytest.mark.parametrize("kind", ["an axis each", "several axes", "one of zeros", "in another order"])
+@pytest.mark.parametrize("k", [1, 3])
+def test_columns_are_whole_where_they_are_asked_for(kind: str, k: int, rng: np.random.Generator) -> None:
+    stop, dwell = whole(rng, kind)
+    # What moves at no stop's mean may still move within the stops.
+    stop[:, :, 0] = 0.0
+    held, some, keep = StopColumns.of(stop, dwell), slice(1, 4), rng.standard_normal((5, k, 3))
+    np.testing.assert_array_equal(held.stop(some), stop[some])
+    np.testing.assert_array_equal(held.dwell(some), dwell[some])
+    np.testing.assert_array_equal(held.retained(keep, some), keep[some] @ stop[some])
+    chosen = np.array([True, False, True, True, False])
+    np.testing.assert_array_equal(held.select_visits(chosen).dwell(), dwell[chosen])
+    assert StopColumns.of(stop).dwell() is None
+
+
+def test_columns_of_an_axis_each_are_held_in_a_third(rng: np.random.Generator) -> None:
+    stop, dwell = whole(rng, "an axis each")
+    held = StopColumns.of(stop, dwell)
+    assert held.moving is not None
+    assert held.still.nbytes == stop.nbytes / 3 and held.moving.nbytes == dwell.nbytes / 3
