@@ -92,7 +92,7 @@ def found(
         cross, data = cross.sum(0), data.sum(0)
     m, E = np.linalg.eigh(normal)
     sets = DataSets.of(observed, observed.data[None])
-    can = spectrum(observed, m, E.swapaxes(-1, -2) @ cross, pattern, most)
+    can = spectrum(observed.size, m, E.swapaxes(-1, -2) @ cross, pattern, most)
     return can, can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], sets), sets
 
 
@@ -136,7 +136,7 @@ def test_copies_of_the_units_are_as_good_as_the_units(pattern: Pattern, shared: 
         normal, cross, data = 3 * normal.sum(0), 3 * cross.sum(0), data.sum(0)
         normal = normal - cross @ cross.T
     m, E = np.linalg.eigh(normal)
-    can = spectrum(part, m, E.swapaxes(-1, -2) @ cross, pattern)
+    can = spectrum(part.size, m, E.swapaxes(-1, -2) @ cross, pattern)
     one = DataSets.of(part, part.data[None])
     terms = can.terms(can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], one), one)
     orders = np.zeros((3, 1), int)

@@ -6,13 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.search import distinguishability, form_check
-from station.diagnosis.search.candidate_banks import all_candidates
+from station.diagnosis.search.candidate_banks import all_candidates, build_banks
 from station.diagnosis.search.distinguishability import SignatureAxes, estimate_signal, signature_axes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.scoring import score_bank
 from station.domain.core.types import Floats, Labels
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
@@ -57,6 +60,33 @@ def traced(call: Any) -> tuple[Any, int]:
         return call(), tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+def test_a_scored_bank_holds_no_row_of_its_space(problem: Any) -> None:
+    floor, banks = problem.fit().floor, [bank.only([0]) for bank in build_banks(problem.view)]
+    rows = problem.space(floor, moving=True).basis.nbytes
+    tracemalloc.start()
+    try:
+        scored = score_bank(problem, banks, floor)
+        held = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert [c.moving for c in scored.candidates] == [False, True]
+    assert held < rows / 2, (held, rows)
+
+
+def test_what_is_not_held_of_a_scan_is_found_again(problem: Any) -> None:
+    """Of a scan, whose groups are many, neither log-determinants nor likelihoods are kept."""
+    floor = problem.fit().floor
+    scored = score_bank(problem, build_banks(problem.view), floor).projected[0]
+    i = next(i for i, c in enumerate(scored.bank.candidates) if c.pattern == "scan" and c.of == "run")
+    found = scored.found[i]
+    (kept,) = project_bank(scored.bank.only([i]), problem.view.layout, [problem.space(floor, moving=False)], axes=True)
+    assert found.spectrum.known_logdet is None and kept.spectra[0].known_logdet is not None
+    np.testing.assert_allclose(found.spectrum.logdet, kept.spectra[0].known_logdet, rtol=1e-12)
+    odds = log_mean_exp(scored.likelihood(found))
+    spread = found.spectrum.spread(odds[None])
+    assert log_mean_exp(spread)[0] == pytest.approx(found.evidence, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["nest-tilt", "quadratic", "step"])

@@ -5,7 +5,7 @@ evidence needs: the normal matrix ZᵀZ, and ZᵀC and Zᵀr with the known colu
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,29 +23,30 @@ from station.diagnosis.linear.evidence import (
     visible_directions,
 )
 from station.diagnosis.linear.grid import RowLayout
-from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
 
 class CandidateFit(NamedTuple):
-    """What a space shows of one candidate: u (1, …) of the readings, L (ρ) of the readings, of a scan that of each
-    group (U, G, ρ), the log evidence; and ZE (U, M, K) in single precision, or a scan's visits, where asked for."""
+    """What a space shows of one candidate: u (1, …) and L (ρ) of the readings, the latter not of a scan; the log
+    evidence; and ZE (U, M, K) in single precision, or a scan's visits, where asked for."""
 
     spectrum: EigenSpectrum
     components: Floats
-    likelihood: Floats
+    known_likelihood: Floats | None
     evidence: float
     axes: Array | VisitColumns | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedBank:
-    """A bank as a space sees it, found of each candidate, and the readings as a data set."""
+    """A bank as a space sees it, found of each candidate, and the readings as a data set; the space itself, which is as
+    long as all readings, with the axes alone."""
 
     bank: Bank
-    space: ResidualSpace
     found: tuple[CandidateFit, ...]
     readings: DataSets
+    space: ResidualSpace | None
 
     @property
     def spectra(self) -> tuple[EigenSpectrum, ...]:
@@ -60,16 +61,13 @@ class ProjectedBank:
     def only(self, kept: Sequence[bool]) -> "ProjectedBank":
         """The same with some of the candidates."""
         chosen = [i for i, k in enumerate(kept) if k]
-        return ProjectedBank(self.bank.only(chosen), self.space, tuple(self.found[i] for i in chosen), self.readings)
+        return replace(self, bank=self.bank.only(chosen), found=tuple(self.found[i] for i in chosen))
 
-
-def white_columns(
-    bank: Bank, layout: RowLayout, space: ResidualSpace, count: int = UNITS_AT_ONCE
-) -> Iterator[tuple[slice, Floats]]:
-    """So many units after others, and the white columns (U, M, C) of the whole bank for them."""
-    if bank.made:
-        for units in layout.grid.parts(count):
-            yield units, space.project(bank.rows(layout, units), units)
+    def likelihood(self, found: CandidateFit) -> Floats:
+        """L of one of the candidates: (ρ), of a scan (U, G, ρ), those of many groups, which are not kept."""
+        if found.known_likelihood is not None:
+            return found.known_likelihood
+        return np.asarray(found.spectrum.likelihoods(found.components, self.readings)[0])
 
 
 def project_bank(
@@ -199,44 +197,46 @@ def _merge_parts(
         found.update(
             zip(kind.which, _candidate_fits(kind, bank, [part[k] for part in parts], drawn, sets), strict=True)
         )
-    return ProjectedBank(bank, space, tuple(found[i] for i in range(len(bank.candidates))), sets)
+    fits = tuple(found[i] for i in range(len(bank.candidates)))
+    return ProjectedBank(bank, fits, sets, None if drawn is None else space)
 
 
 def _candidate_fits(
     kind: ShapeGroup, bank: Bank, parts: Sequence[NormalProducts], drawn: AxesSource | None, sets: DataSets
 ) -> Iterator[CandidateFit]:
     """What all parts together show of each candidate of a kind."""
-    space, shared, scan = sets.space, kind.pattern == "shared", kind.pattern == "scan"
+    size, shared, scan = sets.size, kind.pattern == "shared", kind.pattern == "scan"
     both = zip(*parts, strict=True)
     normal, cross, readings = (np.sum(x, axis=0) if shared else np.concatenate(x, axis=1) for x in both)
     if shared:
-        normal, cross = space.copies * normal, space.copies * cross
+        normal, cross = size.copies * normal, size.copies * cross
     if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = np.linalg.eigh(normal)
-    visible = _leaves_something(visible_directions(m, GROUP_AXES[kind.pattern]), kind.pattern, space)
+    visible = _leaves_something(visible_directions(m, GROUP_AXES[kind.pattern]), kind.pattern, size)
     E = E * visible[..., None, :]
     turn = E.swapaxes(-1, -2)
     most = np.array([bank.candidates[i].most for i in kind.which])
-    can = spectrum(space, np.where(visible, m, 0.0), turn @ cross, kind.pattern, most)
+    can = spectrum(size, np.where(visible, m, 0.0), turn @ cross, kind.pattern, most)
     u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
     odds = log_mean_exp(likelihood)
     evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
-    retained = can if drawn is not None else can.without_cross()
+    retained = can if drawn is not None else can.of_readings()
     for i, which in enumerate(kind.which):
         axes = None if drawn is None else drawn.axes(bank, which, E[i])
-        yield CandidateFit(retained.of(i), u[i], likelihood[i, 0], float(evidence[i]), axes)
+        known = None if scan else likelihood[i, 0]
+        yield CandidateFit(retained.of(i), u[i], known, float(evidence[i]), axes)
 
 
-def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, space: ResidualSpace) -> NDArray[np.bool_]:
+def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, size: SpaceSize) -> NDArray[np.bool_]:
     """The directions (b, …, K) that can be seen, none of a candidate that has as many of them as there are numbers:
     it follows any readings, nothing is left to measure it by, and rounding would be its evidence."""
     if pattern == "scan":
         return visible
     axes = tuple(range(-1 - GROUP_AXES[pattern], 0))
-    count = np.count_nonzero(visible, axis=axes, keepdims=True) * (space.copies if pattern == "own" else 1)
-    return np.asarray(visible & (count < space.dof))
+    count = np.count_nonzero(visible, axis=axes, keepdims=True) * (size.copies if pattern == "own" else 1)
+    return np.asarray(visible & (count < size.dof))
 
 
 def _turned(columns: Array, E: Floats) -> Array:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.linear.projection import RANK_TOLERANCE, ResidualSpace
+from station.diagnosis.linear.projection import RANK_TOLERANCE, ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
 #: The grid of q. Below the first a cause cannot be seen, beyond the last the evidence no longer depends on q.
@@ -36,10 +36,10 @@ GROUP_AXES = {"own": 1, "shared": 0, "scan": 2}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DataSets:
-    """Any number (n) of data sets in one space: squares (n) their sums of squares without the own known columns;
-    shared (n, c) their products with the border."""
+    """Any number (n) of data sets in one space of a size: squares (n) their sums of squares without the own known
+    columns; shared (n, c) their products with the border."""
 
-    space: ResidualSpace
+    size: SpaceSize
     squares: Floats
     shared: Floats
 
@@ -49,14 +49,14 @@ class DataSets:
         shared = np.zeros((len(data), 0), data.dtype)
         if space.shared_basis.shape[2]:
             shared = (data.transpose(1, 0, 2) @ space.shared_basis.astype(data.dtype)).sum(0)
-        return DataSets(space, np.einsum("num,num->n", data, data), shared)
+        return DataSets(space.size, np.einsum("num,num->n", data, data), shared)
 
     def sum_over_copies(self, orders: Array | None) -> "DataSets":
         """The sets of several copies of the units, each copy in its own order (copies, n)."""
         if orders is None:
             return self
         squares, shared = (np.asarray(sum(x[order] for order in orders)) for x in (self.squares, self.shared))
-        return DataSets(self.space, squares, shared)
+        return DataSets(self.size, squares, shared)
 
     @property
     def rest(self) -> Floats:
@@ -68,7 +68,7 @@ class DataSets:
     @property
     def fits(self) -> Floats:
         """Log-likelihood (n) without any candidate, the floor's scale at its best."""
-        return np.asarray(-0.5 * (self.space.logdet + self.space.dof * np.log(self.rest)))
+        return np.asarray(-0.5 * (self.size.logdet + self.size.dof * np.log(self.rest)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,22 +77,23 @@ class EigenSpectrum:
 
     own: one set of coefficients a unit; shared: one for all; scan: few of many groups are hit, nobody knows which.
     m (b, …, K) eigenvalues of the normal matrix, … being units or units and groups or nothing; cross (b, …, K, c)
-    EᵀZᵀC; space: where it was seen; mean (b) eigenvalue of the directions that can be seen; rho (b, ρ) the amplitudes
-    tried; logdet (b, …, ρ) Σ log(1 + ρ m), over all units where … are units.
+    EᵀZᵀC; size: of the space where it was seen; mean (b) eigenvalue of the directions that can be seen; rho (b, ρ) the
+    amplitudes tried; known_logdet (b, …, ρ) Σ log(1 + ρ m), over all units where … are units, None where not kept.
     """
 
     pattern: Pattern
-    space: ResidualSpace
+    size: SpaceSize
     m: Floats
     cross: Floats
     mean: Floats
     rho: Floats
-    logdet: Floats
+    known_logdet: Floats | None
 
     def of(self, i: int) -> "EigenSpectrum":
         """One of several causes."""
-        m, cross, mean, rho, logdet = (x[i] for x in (self.m, self.cross, self.mean, self.rho, self.logdet))
-        return EigenSpectrum(self.pattern, self.space, m, cross, mean, rho, logdet)
+        m, cross, mean, rho = (x[i] for x in (self.m, self.cross, self.mean, self.rho))
+        logdet = None if self.known_logdet is None else self.known_logdet[i]
+        return EigenSpectrum(self.pattern, self.size, m, cross, mean, rho, logdet)
 
     @property
     def batch_axes(self) -> int:
@@ -105,6 +106,11 @@ class EigenSpectrum:
         return COARSE_RATIOS if self.pattern == "scan" else AMPLITUDE_RATIOS
 
     @property
+    def logdet(self) -> Floats:
+        """Σ log(1 + ρ m) (b, …, ρ)."""
+        return _logdet(self.pattern, self.size, self.m, self.rho) if self.known_logdet is None else self.known_logdet
+
+    @property
     def weight(self) -> Floats:
         """w (b, …, K, ρ)."""
         rho = _expand_axes(self.rho, GROUP_AXES[self.pattern] + 1)
@@ -113,11 +119,13 @@ class EigenSpectrum:
     def single_precision(self) -> "EigenSpectrum":
         """The same in single precision."""
         single: list[Array] = [x.astype(np.float32) for x in (self.m, self.cross, self.rho, self.logdet)]
-        return replace(self, m=single[0], cross=single[1], rho=single[2], logdet=single[3])
+        return replace(self, m=single[0], cross=single[1], rho=single[2], known_logdet=single[3])
 
-    def without_cross(self) -> "EigenSpectrum":
-        """The same without what only the evidence of new data sets needs."""
-        return replace(self, cross=self.cross[..., :0])
+    def of_readings(self) -> "EigenSpectrum":
+        """The same without what only the evidence of new data sets needs; of a scan, which has many groups, without
+        their log-determinants too."""
+        logdet = None if self.pattern == "scan" else self.known_logdet
+        return replace(self, cross=self.cross[..., :0].copy(), known_logdet=logdet)
 
     def components(self, products: Floats, sets: DataSets) -> Floats:
         """u (b, n, …, K) of the products EᵀZᵀr: (b, n, K) of a shared cause, (b, n, U, …) of the others."""
@@ -176,7 +184,7 @@ class EigenSpectrum:
     def _by_group(self, u: Floats, sets: DataSets) -> Floats:
         """The same as (b, U, G, n, ρ). A copy of the units has its share of the sum of squares."""
         drop = np.moveaxis(u**2, self.batch_axes, -2) @ self.weight
-        found = self._ratio(drop, (self.space.copies * sets.rest).astype(drop.dtype)[:, None])
+        found = self._ratio(drop, (self.size.copies * sets.rest).astype(drop.dtype)[:, None])
         found -= 0.5 * self.logdet[..., None, :]
         return found
 
@@ -189,7 +197,7 @@ class EigenSpectrum:
         share = np.asarray(drop / -rest)
         most = MAX_EXPLAINED_SHARE_SINGLE if share.dtype == np.float32 else MAX_EXPLAINED_SHARE
         np.log1p(np.maximum(share, -most, out=share), out=share)
-        share *= -0.5 * self.space.dof
+        share *= -0.5 * self.size.dof
         return share
 
     def _bordered(self, bent: Floats, sets: DataSets) -> tuple[Floats, Floats]:
@@ -199,7 +207,7 @@ class EigenSpectrum:
         bᵀA⁻¹b and log|A|, A = I − Σ w h hᵀ, the latter on whichever side is the smaller (Woodbury).
         """
         h, weight = self._flat(self.cross), self._flat(self.weight).swapaxes(-1, -2)
-        root = np.sqrt(self.space.copies * weight)
+        root = np.sqrt(self.size.copies * weight)
         b = np.moveaxis(sets.shared[:, None, :] - bent, -3, -1)
         wide = root[..., None] * h[..., None, :, :]
         if h.shape[-2] < h.shape[-1]:
@@ -219,7 +227,7 @@ def _expand_axes(values: Floats, axes: int) -> Floats:
 
 
 def spectrum(
-    space: ResidualSpace, m: Floats, cross: Floats, pattern: Pattern, most: Floats | float = np.inf
+    size: SpaceSize, m: Floats, cross: Floats, pattern: Pattern, most: Floats | float = np.inf
 ) -> EigenSpectrum:
     """The spectrum of eigenvalues m (b, …, K), with EᵀZᵀC (b, …, K, c).
 
@@ -232,10 +240,13 @@ def spectrum(
     ratios = COARSE_RATIOS if pattern == "scan" else AMPLITUDE_RATIOS
     limit = np.asarray(most, float)[..., None] ** 2
     rho = np.minimum(ratios / np.where(mean > 0, mean, 1.0)[..., None], limit)
-    logdet = np.log1p(m[..., None] * _expand_axes(rho, grouped + 1)).sum(-2)
-    if pattern == "own":
-        logdet = space.copies * logdet.sum(-2)
-    return EigenSpectrum(pattern, space, m, cross, mean, rho, logdet)
+    return EigenSpectrum(pattern, size, m, cross, mean, rho, _logdet(pattern, size, m, rho))
+
+
+def _logdet(pattern: Pattern, size: SpaceSize, m: Floats, rho: Floats) -> Floats:
+    """Σ log(1 + ρ m) (b, …, ρ)."""
+    logdet = np.log1p(m[..., None] * _expand_axes(rho, GROUP_AXES[pattern] + 1)).sum(-2)
+    return np.asarray(size.copies * logdet.sum(-2) if pattern == "own" else logdet)
 
 
 def visible_directions(m: Floats, grouped: int = 1) -> NDArray[np.bool_]:

@@ -103,6 +103,14 @@ class FloorCovariance:
         return white
 
 
+class SpaceSize(NamedTuple):
+    """Of a space what a likelihood needs beside sums of squares: logdet, dof and copies, as the space has them."""
+
+    logdet: float
+    dof: int
+    copies: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualSpace:
     """White rows of each unit (stops, contrasts, priors), free of the unit's own known columns.
@@ -123,6 +131,11 @@ class ResidualSpace:
     dof: int
     data: Floats
     copies: int = 1
+
+    @property
+    def size(self) -> SpaceSize:
+        """What stays of the space where its rows are no longer needed."""
+        return SpaceSize(self.logdet, self.dof, self.copies)
 
     @property
     def rest(self) -> float:

@@ -131,7 +131,7 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     recipe = problem.view.scene.recipe
     both = zip((floor.turn, floor.walk), LEAST_DETECTED, strict=True)
     relative = [round(2 * float(np.log2(max(x / floor.noise, least)))) for x, least in both]
-    shown = [(s.bank.moving, s.space.dof, _candidate_kinds(s)) for s in now.best.projected]
+    shown = [(s.bank.moving, s.readings.size.dof, _candidate_kinds(s)) for s in now.best.projected]
     return repr(
         (NULL_CACHE_VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed)
     )

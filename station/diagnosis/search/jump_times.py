@@ -66,7 +66,7 @@ def _odds(scanned: Sequence[Candidate], problem: ScoringProblem, floor: NoiseFlo
         build_bank(scanned, view.layout, moving=False), view.layout, [problem.space(floor, moving=False)]
     )[0]
     where = scanned[0].where(view.layout)
-    return np.stack([log_mean_exp(found.likelihood)[where] for found in projected.found])
+    return np.stack([log_mean_exp(projected.likelihood(found))[where] for found in projected.found])
 
 
 def _refined(

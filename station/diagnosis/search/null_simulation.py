@@ -63,7 +63,7 @@ def _noise(
     """White noise of the widest space, floor by floor, so many sets of each."""
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
-    spaces = [s.space for stage in now.stages for s in stage.projected]
+    spaces = [s.space for stage in now.stages for s in stage.projected if s.space is not None]
     live, member = max(spaces, key=lambda space: space.live.shape[1]).live, spaces[0].covariance.runs.member
     for _ in range(floors):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
@@ -90,15 +90,13 @@ class SinglePrecisionBank:
     """A bank as a space sees it, in single precision, which is enough for chance."""
 
     def __init__(self, projected: ProjectedBank) -> None:
+        assert projected.space is not None
         self.space = projected.space
-        self.runs, self.basis = (
-            projected.space.covariance.runs.single_precision(),
-            projected.space.basis.astype(np.float32),
-        )
+        self.runs, self.basis = self.space.covariance.runs.single_precision(), self.space.basis.astype(np.float32)
         self.spectra = [f.spectrum.single_precision() for f in projected.found]
         self.axes = [f.axes for f in projected.found if f.axes is not None]
         dense = [x for x in self.axes if not isinstance(x, VisitColumns)]
-        self.dense = np.concatenate(dense, axis=2) if dense else np.zeros((*projected.space.data.shape, 0), np.float32)
+        self.dense = np.concatenate(dense, axis=2) if dense else np.zeros((*self.space.data.shape, 0), np.float32)
         self.ends = np.cumsum([x.shape[2] for x in dense])[:-1]
 
     def scores(self, drawn: Sequence[NullNoise], orders: Array | None) -> tuple[Floats, Floats]:

@@ -153,11 +153,11 @@ class ScoredBank:
         """The candidate with its likeliest amplitude, and the groups that it likely hits, where they are not told."""
         projected, found = self._of(candidate)
         hit = self.hit(candidate, view) if hit is None else hit
-        likelihood, taken = found.likelihood, found.spectrum.logdet
+        likelihood, taken = projected.likelihood(found), found.spectrum.logdet
         if found.spectrum.pattern == "scan":
             unit, place = candidate.where(view.layout)
             likelihood, taken = (x[unit[hit], place[hit]].sum(0) for x in (likelihood, taken))
-        i, dof = int(likelihood.argmax()), projected.space.dof
+        i, dof = int(likelihood.argmax()), projected.readings.size.dof
         # The scale of the floor that goes with the amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
         rest = float(projected.readings.rest[0])
         scale = rest / dof * float(np.exp(-2 * (likelihood[i] + 0.5 * taken[i]) / dof))
@@ -170,10 +170,10 @@ class ScoredBank:
 
     def hit(self, candidate: Candidate, view: ResidualView, alone: bool = False) -> NDArray[np.bool_]:
         """The groups that a candidate likely hits, or the likeliest one `alone`; all where it is not a scan."""
-        found = self._of(candidate)[1]
+        projected, found = self._of(candidate)
         if found.spectrum.pattern != "scan":
             return np.ones(len(candidate.names), bool)
-        odds = log_mean_exp(found.likelihood)[candidate.where(view.layout)]
+        odds = log_mean_exp(projected.likelihood(found))[candidate.where(view.layout)]
         return np.asarray((odds == odds.max()) | (not alone) & (odds > np.log(len(odds))))
 
     def _of(self, candidate: Candidate) -> tuple[ProjectedBank, CandidateFit]:

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
-from station.diagnosis.candidates.projected_bank import ProjectedBank, white_columns
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.scoring import (
@@ -98,7 +97,7 @@ def marginalise_walks(problem: ScoringProblem, best: ScoredBank) -> WalkMarginal
     most = float(np.sqrt(problem.upper[2]))
     if not 0.0 < most < np.inf:
         return WalkMarginal(best, (), ())
-    chosen = [_slow_candidates(problem, s, most) for s in best.projected]
+    chosen = [_slow_candidates(problem, s.bank, best.floor, most) for s in best.projected]
     start = np.cumsum([0, *(len(s.found) for s in best.projected)])
     slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
     return _score_slow_candidates(partial(score_under_floors, problem.setting), best, slow, most)
@@ -130,20 +129,18 @@ def _score_slow_candidates(
     return WalkMarginal(best, tuple(same if f == best.floor else next(found) for f in floors), slow)
 
 
-def _slow_candidates(problem: ScoringProblem, projected: ProjectedBank, most: float) -> list[int]:
+def _slow_candidates(problem: ScoringProblem, bank: Bank, floor: NoiseFloor, most: float) -> list[int]:
     """Places of the slow candidates in a bank, as its first units show them."""
-    covariance = projected.space.covariance
-    for units, columns in white_columns(projected.bank, problem.view.layout, projected.space, PROBE_UNITS):
-        runs = covariance.runs.of_units(units)
-        U, R = runs.member.shape
-        stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
-        added = most**2 * problem.structure.walked(runs.transposed(stops), units)
-        length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
-        share = [float(added[at].sum()) / max(float(length[at].sum()), 1e-300) for at in projected.bank.place]
-        names = [c.name for c in projected.bank.candidates]
-        return [
-            j
-            for j, (s, name) in enumerate(zip(share, names, strict=True))
-            if s > SLOW_SHARE or name in FLEXIBLE_KERNELS
-        ]
-    return []
+    if not bank.made:
+        return []
+    layout = problem.view.layout
+    units = next(layout.grid.parts(PROBE_UNITS))
+    space = problem.setting.of_units(np.arange(units.stop))[0].space(floor, moving=bank.moving)
+    columns, runs = space.project(bank.rows(layout, units)), space.covariance.runs
+    U, R = runs.member.shape
+    stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
+    added = most**2 * problem.structure.walked(runs.transposed(stops), units)
+    length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
+    share = [float(added[at].sum()) / max(float(length[at].sum()), 1e-300) for at in bank.place]
+    pairs = zip(share, bank.candidates, strict=True)
+    return [j for j, (s, c) in enumerate(pairs) if s > SLOW_SHARE or c.name in FLEXIBLE_KERNELS]
