@@ -1,7 +1,8 @@
 """The bank in a space: what each candidate can show there, and how well it explains the readings.
 
 A fleet is gone through some units at a time. Of a unit's white columns Z only the small products are kept that the
-evidence needs: the normal matrix ZᵀZ, and ZᵀC and Zᵀr with the known columns and the readings.
+evidence needs: the eigenvalues of the normal matrix ZᵀZ = E diag(m) Eᵀ, and along E the products ZᵀC and Zᵀr with the
+known columns and the readings.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,16 @@ from station.diagnosis.linear.evidence import (
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
+
+
+class EigenProducts(NamedTuple):
+    """Products of columns along the eigenvectors E of their normal matrix: its eigenvalues m (b, …, K), EᵀZᵀC
+    (b, …, K, c), EᵀZᵀr (b, …, K); and E (b, …, K, K), None where no axes are asked for."""
+
+    m: Floats
+    cross: Floats
+    readings: Floats
+    vectors: Floats | None
 
 
 class CandidateFit(NamedTuple):
@@ -75,7 +86,9 @@ def project_bank(
 ) -> tuple[ProjectedBank, ...]:
     """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
     blocks, scans = _column_blocks(bank), [i for i, c in enumerate(bank.candidates) if c.scans_visits]
-    parts: list[list[list[NormalProducts]]] = [[] for _ in spaces]
+    kinds = [kind for block in blocks for kind in block.kinds]
+    kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros(1, np.intp)) for i in scans]
+    parts: list[list[list[NormalProducts | EigenProducts]]] = [[] for _ in spaces]
     kept: list[list[Array]] = [[] for _ in spaces]
     for units in layout.grid.parts(UNITS_AT_ONCE) if bank.candidates else ():
         rows = bank.rows(layout, units) if bank.made else None
@@ -92,9 +105,8 @@ def project_bank(
             if single:
                 visits = VisitSpace.of(space, layout.grid.k, units)
                 found += [visits.products(one) for one in single]
-            parts[i].append(found)
-    kinds = [kind for block in blocks for kind in block.kinds]
-    kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros(1, np.intp)) for i in scans]
+            pairs = zip(kinds, found, strict=True)
+            parts[i].append([x if kind.pattern == "shared" else _diagonal(kind, x, axes=axes) for kind, x in pairs])
     drawn = [AxesSource(np.concatenate(k) if k else None, layout) if axes else None for k in kept]
     return tuple(_merge_parts(bank, kinds, *each) for each in zip(spaces, parts, drawn, strict=True))
 
@@ -187,7 +199,7 @@ def _merge_parts(
     bank: Bank,
     kinds: Sequence[ShapeGroup],
     space: ResidualSpace,
-    parts: Sequence[list[NormalProducts]],
+    parts: Sequence[list[NormalProducts | EigenProducts]],
     drawn: AxesSource | None,
 ) -> ProjectedBank:
     """What all parts together show."""
@@ -201,30 +213,47 @@ def _merge_parts(
     return ProjectedBank(bank, fits, sets, None if drawn is None else space)
 
 
-def _candidate_fits(
-    kind: ShapeGroup, bank: Bank, parts: Sequence[NormalProducts], drawn: AxesSource | None, sets: DataSets
-) -> Iterator[CandidateFit]:
-    """What all parts together show of each candidate of a kind."""
-    size, shared, scan = sets.size, kind.pattern == "shared", kind.pattern == "scan"
-    both = zip(*parts, strict=True)
-    normal, cross, readings = (np.sum(x, axis=0) if shared else np.concatenate(x, axis=1) for x in both)
-    if shared:
-        normal, cross = size.copies * normal, size.copies * cross
+def _diagonal(kind: ShapeGroup, products: NormalProducts, *, axes: bool) -> EigenProducts:
+    """The products of a kind along their eigenvectors."""
+    normal, cross, readings = products
     if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
     m, E = np.linalg.eigh(normal)
-    visible = _leaves_something(visible_directions(m, GROUP_AXES[kind.pattern]), kind.pattern, size)
-    E = E * visible[..., None, :]
     turn = E.swapaxes(-1, -2)
+    return EigenProducts(m, turn @ cross, (turn @ readings[..., None])[..., 0], E if axes else None)
+
+
+def _all_parts(
+    kind: ShapeGroup, parts: Sequence[NormalProducts | EigenProducts], copies: int, *, axes: bool
+) -> EigenProducts:
+    """The products of all units: one after the other, or of a shared cause their sum."""
+    if kind.pattern == "shared":
+        normal, cross, readings = (np.sum(x, axis=0) for x in zip(*parts, strict=True))
+        return _diagonal(kind, NormalProducts(copies * normal, copies * cross, readings), axes=axes)
+    m, cross, readings, *E = (np.concatenate(x, axis=1) for x in zip(*parts, strict=True) if x[0] is not None)
+    return EigenProducts(m, cross, readings, E[0] if E else None)
+
+
+def _candidate_fits(
+    kind: ShapeGroup,
+    bank: Bank,
+    parts: Sequence[NormalProducts | EigenProducts],
+    drawn: AxesSource | None,
+    sets: DataSets,
+) -> Iterator[CandidateFit]:
+    """What all parts together show of each candidate of a kind."""
+    size, scan = sets.size, kind.pattern == "scan"
+    m, cross, readings, E = _all_parts(kind, parts, size.copies, axes=drawn is not None)
+    visible = _leaves_something(visible_directions(m, GROUP_AXES[kind.pattern]), kind.pattern, size)
     most = np.array([bank.candidates[i].most for i in kind.which])
-    can = spectrum(size, np.where(visible, m, 0.0), turn @ cross, kind.pattern, most)
-    u = can.components((turn @ readings[..., None])[..., 0][:, None], sets)
+    can = spectrum(size, np.where(visible, m, 0.0), cross * visible[..., None], kind.pattern, most)
+    u = can.components((readings * visible)[:, None], sets)
     likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
     odds = log_mean_exp(likelihood)
     evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
     retained = can if drawn is not None else can.of_readings()
     for i, which in enumerate(kind.which):
-        axes = None if drawn is None else drawn.axes(bank, which, E[i])
+        axes = None if drawn is None or E is None else drawn.axes(bank, which, E[i] * visible[i][..., None, :])
         known = None if scan else likelihood[i, 0]
         yield CandidateFit(retained.of(i), u[i], known, float(evidence[i]), axes)
 
