@@ -374,7 +374,8 @@ class Bank:
 def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -> Bank:
     """The candidates that move within a stop, or those that do not."""
     chosen = [c for c in items if c.moving == moving]
-    local = {(c.of, id(c.code)): c.local_codes(layout) for c in chosen}
+    levels = {(c.of, id(c.code)): c for c in chosen}
+    local = {level: c.local_codes(layout) for level, c in levels.items()}
     bank = _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
     if not bank.made or layout.grid.units > UNITS_AT_ONCE:
         return bank
