@@ -130,9 +130,17 @@ def _score_slow_candidates(
 
 
 def _slow_candidates(problem: ScoringProblem, bank: Bank, floor: NoiseFloor, most: float) -> list[int]:
-    """Places of the slow candidates in a bank, as its first units show them."""
+    """Places of the slow candidates in a bank: kernels that are by their name, the rest as its first units show."""
+    flexible = [i for i, c in enumerate(bank.candidates) if c.name in FLEXIBLE_KERNELS]
+    others = [i for i, c in enumerate(bank.candidates) if c.name not in FLEXIBLE_KERNELS]
+    shares = _walk_shares(problem, bank.only(others), floor, most)
+    return sorted([*flexible, *(i for i, share in zip(others, shares, strict=True) if share > SLOW_SHARE)])
+
+
+def _walk_shares(problem: ScoringProblem, bank: Bank, floor: NoiseFloor, most: float) -> Floats:
+    """What the largest walk adds to the noise along each candidate of a bank, as a share of that noise."""
     if not bank.made:
-        return []
+        return np.zeros(len(bank.candidates))
     layout = problem.view.layout
     units = next(layout.grid.parts(PROBE_UNITS))
     space = problem.setting.of_units(np.arange(units.stop))[0].space(floor, moving=bank.moving)
@@ -141,6 +149,4 @@ def _slow_candidates(problem: ScoringProblem, bank: Bank, floor: NoiseFloor, mos
     stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
     added = most**2 * problem.structure.walked(runs.transposed(stops), units)
     length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
-    share = [float(added[at].sum()) / max(float(length[at].sum()), 1e-300) for at in bank.place]
-    pairs = zip(share, bank.candidates, strict=True)
-    return [j for j, (s, c) in enumerate(pairs) if s > SLOW_SHARE or c.name in FLEXIBLE_KERNELS]
+    return np.array([added[at].sum() / max(float(length[at].sum()), 1e-300) for at in bank.place])
