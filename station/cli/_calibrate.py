@@ -64,7 +64,7 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
     if str(wanted.json) != "-":
         for line in preflight.lines(found, recipe.unit):
             _output.print_message(line)
-        _calibrate_table.print_calibrations(recipe, summary, with_budget=wanted.budget)
+        _calibrate_table.print_calibrations(recipe, summary, with_budget=wanted.budget, compared=wanted.compare_models)
     for sentence in summary.refused:
         _output.print_remark(f"station: {samples}: {sentence}")
     return _exit_code(summary)

@@ -13,7 +13,7 @@ from station.domain.core.folded_reasons import folded
 from station.domain.core.types import Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.methods import coefficients, decision
+from station.domain.methods import coefficients, decision, method
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message, render
 
@@ -54,7 +54,7 @@ class CalibrationSummary:
             self.refused.append(verdict.reasons[0].sentence)
 
 
-def print_calibrations(recipe: Recipe, summary: CalibrationSummary, *, with_budget: bool) -> None:
+def print_calibrations(recipe: Recipe, summary: CalibrationSummary, *, with_budget: bool, compared: bool) -> None:
     """Prints the table, then for each unit every reason and note, its budget, and whether larger models pay."""
     _output.print_table(f"{recipe.name} version {recipe.version}, {recipe.method}", _table(recipe, summary.first))
     rest = summary.outcomes.total() - len(summary.first)
@@ -70,6 +70,11 @@ def print_calibrations(recipe: Recipe, summary: CalibrationSummary, *, with_budg
             _output.print_line(title)
             for table in _budget_table.budget_tables(r.budget, recipe.unit):
                 _output.print_table("", table)
+    if compared and not method.of(recipe).open_ended:
+        _output.print_line(
+            f"quadratic and cubic terms: not compared, since the positions of {recipe.method} cannot tell them; "
+            "n-point and norm take positions that can"
+        )
     _output.print_line(_summary(recipe, summary))
 
 

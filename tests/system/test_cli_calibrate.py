@@ -73,6 +73,7 @@ def test_a_file_for_programs_and_a_table_for_people(tmp_path: Path, station: Cal
     code, out, err = station(*args, "--json", tmp_path / "out.json", "--pictures", tmp_path / "pictures")
     assert (code, err) == (0, "")
     assert "2 of 2 units pass" in out and "guarded acceptance" in out and "standard uncertainty by cause" in out
+    assert "quadratic and cubic terms: not compared" in out, "six faces cannot tell them"
     assert len(json.loads((tmp_path / "out.json").read_text())["units"]) == 2
     assert len(list((tmp_path / "pictures").glob("SN00001-*.svg"))) == 3
     assert not list(tmp_path.glob("*.part"))
