@@ -161,6 +161,8 @@ def _simulated(settings: Settings, document: Document, job: Job, source: Source,
     used = used_buses(settings).values()
     in_real_time = order.interface is not None or all(bus.interface in REHEARSED for bus in used)
     if not in_real_time or any(bus_kind(bus).without_units for bus in used):
+        if order.channel is not None:
+            raise UsageError("channel-without-bus", channel=order.channel)
         return SimulatedFixture(settings, document, job, source, order)
     clock = SystemClock()
     near, far = (open_buses(settings, document, clock) for _ in range(2))

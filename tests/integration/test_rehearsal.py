@@ -89,3 +89,11 @@ def test_devices_on_a_real_bus_outlive_a_frame_that_it_does_not_take(
     assert ran.fault is None
     assert refused == [HEARTBEAT]
     assert later >= {STREAM, SDO_ANSWER}
+
+
+@pytest.mark.parametrize("simulate", [False, True])
+def test_a_channel_that_nothing_would_use_is_refused_before_anything_is_written(here: Path, simulate: bool) -> None:
+    write(here)
+    with pytest.raises(UsageError, match=r"--channel 'can1' would have no effect.*--interface virtual"):
+        open_bench(RunOrder(simulate=simulate, channel="can1"))
+    assert [file.name for file in here.iterdir()] == ["config.yaml"]
