@@ -16,6 +16,7 @@ from station.domain.product.product import Product
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import quantities
 from station.errors import ProductError, RecipeError
+from station.messages import system_reason
 from station.service.station import Job
 
 
@@ -87,6 +88,12 @@ def _check_there(where: Path, key: str, named: Path) -> None:
     """Whoever mistyped a name looks for it in the file that holds it. Errors: ProductError."""
     if not named.is_file():
         raise ProductError("product-names-no-file", file=str(where), key=key, named=str(named))
+    try:
+        with named.open("rb") as file:
+            file.read(1)
+    except OSError as exc:
+        why = system_reason(exc)
+        raise ProductError("product-file-unreadable", file=str(where), key=key, named=str(named), why=why) from None
 
 
 def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> None:

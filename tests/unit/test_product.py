@@ -19,7 +19,7 @@ from station.domain.product.product import Product, decode_serial, stored_serial
 from station.domain.product.sdo_codes import ABORT, meaning
 from station.errors import ProductError, UsageError
 from station.messages import render
-from station.wiring.jobs import load_job
+from station.wiring.jobs import check_product, load_job
 
 DBC = Path(__file__).parents[2] / "dbc"
 SHIPPED = sorted(path.stem for path in DBC.glob("*.yaml"))
@@ -165,3 +165,18 @@ def test_a_job_whose_map_contradicts_its_eds_is_refused_before_anything_moves(tm
     with pytest.raises(ProductError) as caught:
         load_job(recipe)
     assert "accelerometer.yaml: the device map contradicts accelerometer.eds: matrix.xx at" in caught.value.sentence
+
+
+@pytest.mark.parametrize("key", ["eds", "dbc"])
+def test_a_file_that_a_product_names_and_nobody_can_read_is_told_with_its_key(tmp_path: Path, key: str) -> None:
+    for name in ("accelerometer.dbc", "accelerometer.eds"):
+        (tmp_path / name).write_bytes((DBC / name).read_bytes())
+    text = (DBC / "accelerometer.yaml").read_text()
+    where = tmp_path / "accelerometer.yaml"
+    where.write_text(text.replace(f"{key}: accelerometer.{key}", f"{key}: /proc/self/mem"))
+    with pytest.raises(ProductError) as refused:
+        check_product(str(where))
+    told = refused.value.sentence
+    assert str(where) in told
+    assert f"{key}`" in told
+    assert "/proc/self/mem cannot be read" in told
