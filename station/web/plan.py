@@ -21,15 +21,15 @@ def plan_document(cells: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     their pictures as `picture` and `before`."""
     pictures: dict[str, int] = {}
 
-    def number(pose: Any, name: str) -> int:
-        return pictures.setdefault(fixture.picture(pose, name), len(pictures))
+    def number(pose: Any, name: str, towards: Any = None) -> int:
+        return pictures.setdefault(fixture.picture(pose, name, towards), len(pictures))
 
     shown = [
         {
             **{key: cell.get(key) for key in ("kind", "name", "run", "true")},
             "up": _up(cell.get("pose")),
             "picture": number(cell.get("pose"), cell["name"]) if cell["kind"] in ("stop", "turn", "verify") else None,
-            "before": number(cell["before"], cell["name"]) if cell.get("before") else None,
+            "before": number(cell["before"], cell["name"], cell.get("pose")) if cell.get("before") else None,
         }
         for cell in cells
     ]

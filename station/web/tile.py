@@ -36,7 +36,7 @@ def tile_of(figure: Mapping[str, Any] | None, code: str) -> dict[str, Any] | Non
 def _head(figure: Mapping[str, Any], value: float, unit: str, code: str) -> str:
     name = term(str(figure["what"]), code)
     text = f"{value:.4f}" if figure["target"] == 1 else f"{value:.3g}"
-    return f"{name[:1].upper()}{name[1:]} {text.replace('-', _MINUS)}{unit}"
+    return f"{name} {text.replace('-', _MINUS)}{unit}"
 
 
 def _line(value: float, target: float, high: float, factor: float, unit: str) -> Message:

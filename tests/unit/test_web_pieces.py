@@ -37,6 +37,29 @@ def test_the_block_shows_the_faces_that_a_person_in_front_sees() -> None:
     assert {"+x", "−y"} <= faces(x_up)
 
 
+def _towards_viewer(axis: np.ndarray) -> np.ndarray:
+    """The direction across an axis that comes nearest to the viewer's."""
+    viewer = fixture._VIEW.T @ np.array([0.0, -1.0, 0.0])
+    unit = axis / np.linalg.norm(axis)
+    return viewer - (viewer @ unit) * unit
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0.55, 0.85), (1, 1, 1)])
+@pytest.mark.parametrize("angle_deg", [45.0, -45.0, 90.0, -90.0, 180.0])
+def test_an_arrow_shows_which_way_a_person_turns_the_unit(axis: tuple[float, ...], angle_deg: float) -> None:
+    turned = rotation.about(np.array(axis), angle_deg)
+    drawn = ElementTree.fromstring(fixture.picture(np.eye(3).tolist(), "p", turned.tolist()))
+    line = next(n for n in drawn.iter("{http://www.w3.org/2000/svg}polyline")).get("points", "")
+    way = np.array([[float(v) for v in point.split(",")] for point in line.split()])
+    assert ((way > 0) & (way < 220)).all(), "within the picture"
+    # Seen from the viewer the way is convex and goes round as the nearest point of the rotation does.
+    front = _towards_viewer(np.array(axis, float))
+    ahead = rotation.about(np.array(axis), float(np.sign(angle_deg))) @ front - front
+    if abs(angle_deg) < 180:  # a half turn is the same either way
+        assert (way[-1] - way[0]) @ (fixture._project(ahead) - fixture._project(np.zeros(3))) > 0
+    assert "polyline" not in fixture.picture(np.eye(3).tolist(), "p", np.eye(3).tolist())
+
+
 def test_names_cannot_break_out_of_the_picture() -> None:
     assert "<script" not in fixture.picture(None, "<script>")
     assert ">?<" in fixture.picture(None, "anything")

@@ -26,15 +26,24 @@ _RING_AT, _RING_TO, _RADIUS, _SIDES = 0.85, 1.25, 0.27, 20
 #: Shades from the light to the dark; a page with its own colours overrides them by the classes p0 … p3.
 _SHADES = ("#f7fafc", "#d5dde4", "#b4c0cb", "#97a5b2")
 _FLOOR_Z, _FLOOR = -1.12, 1.25
+#: The arrow of a turn: its radius, at most so much of a circle, its points, and its head's length and half width.
+_TURN_RADIUS, _TURN_MOST_DEG, _TURN_POINTS, _TURN_HEAD = 1.3, 150.0, 24, (0.34, 0.2)
 
 
-def picture(pose: Sequence[Sequence[float]] | None, title: str) -> str:
-    """SVG of the unit in an orientation (device → station rotation, 3 × 3); None: the pose is not known."""
+def picture(
+    pose: Sequence[Sequence[float]] | None, title: str, towards: Sequence[Sequence[float]] | None = None
+) -> str:
+    """SVG of the unit in an orientation (device → station rotation, 3 × 3); None: the pose is not known.
+
+    towards: the orientation into which a person turns it; an arrow shows the way.
+    """
     parts = [_floor()]
     if pose is None:
         parts.append(_label(_SIZE / 2, _SIZE / 2 + 20, "?", 60))
     else:
         parts += _unit(np.asarray(pose, float))
+        if towards is not None:
+            parts.append(_turn_arrow(np.asarray(towards, float) @ np.asarray(pose, float).T))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_SIZE:g} {_SIZE:g}" role="img" '
         f'font-family="system-ui, sans-serif"><title>{escape(title)}</title>{"".join(parts)}</svg>'
@@ -127,6 +136,36 @@ def _face_name(pose: Floats, axis: int, sign: int, corners: tuple[Floats, Floats
 def _project(point: Floats) -> Floats:
     x, _, z = _VIEW @ point
     return np.array([_SIZE / 2 + _SCALE * x, _SIZE / 2 - 4 - _SCALE * z])
+
+
+def _turn_arrow(turn: Floats) -> str:
+    """The way of a turn (station axes) on the side that faces the viewer; '' where nothing turns."""
+    vector = rotation.to_vector(turn)
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-6:
+        return ""
+    axis = vector / angle
+    viewer = _VIEW.T @ np.array([0.0, -1.0, 0.0])
+    front = viewer - (viewer @ axis) * axis
+    if np.linalg.norm(front) < 0.1:  # one looks along the axis: the whole circle is seen
+        front = _VIEW.T @ np.array([0.0, 0.0, -1.0])
+        front -= (front @ axis) * axis
+    front /= np.linalg.norm(front)
+    side = np.cross(axis, front)
+    half = min(angle, np.radians(_TURN_MOST_DEG)) / 2
+    long, wide = _TURN_HEAD
+    at = np.linspace(-half, half, _TURN_POINTS)
+    # About the vertical it lies on the floor, where it hides no face.
+    centre = _FLOOR_Z * axis * axis[2] if abs(axis[2]) > 0.7 else np.zeros(3)
+    way = [centre + _TURN_RADIUS * (np.cos(a) * front + np.sin(a) * side) for a in at]
+    ahead = -np.sin(half) * front + np.cos(half) * side
+    out = (way[-1] - centre) / _TURN_RADIUS
+    head = [way[-1] + wide * out, way[-1] + long * ahead, way[-1] - wide * out]
+    line, tip = (" ".join(f"{x:.1f},{y:.1f}" for x, y in map(_project, points)) for points in (way, head))
+    return (
+        f'<polyline class="turn-way" points="{line}" fill="none" stroke="#0a5aa8" stroke-width="6"/>'
+        f'<polygon class="turn-head" points="{tip}" fill="#0a5aa8"/>'
+    )
 
 
 def _floor() -> str:

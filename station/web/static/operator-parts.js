@@ -30,10 +30,17 @@ const Parts = (() => {
     write: '<path class="glyph" d="M12 3v12M7 11l5 5 5-5M4 21h16"/>', verify: '<path class="glyph" d="M3 3h18v18H3zM7 12l4 4 7-8"/>',
     heat: '<path class="glyph" d="M10 14V5a2 2 0 014 0v9a4 4 0 11-4 0zM12 9v8"/>', motor: '<path class="glyph" d="M4 8h12v9H4zM16 11h4v3h-4M7 8V5h6v3"/>',
     todo: '<circle class="glyph" cx="12" cy="12" r="8"/>', going: '<circle class="glyph" cx="12" cy="12" r="8"/><circle class="solid" cx="12" cy="12" r="4"/>',
-    again: '<path class="glyph" d="M19 12a7 7 0 11-2-5M18 3v5h-5"/>', pause: '<path class="glyph" d="M8 5v14M16 5v14"/>',
+    to: '<path class="glyph" d="M3 12h17M14 5l7 7-7 7"/>', again: '<path class="glyph" d="M19 12a7 7 0 11-2-5M18 3v5h-5"/>', pause: '<path class="glyph" d="M8 5v14M16 5v14"/>',
   };
   const icon = (name) => svg(`<svg class="icon" viewBox="0 0 24 24" aria-hidden="true">${PATHS[name]}</svg>`);
   const SYMBOLS = { PASS: "check", FAIL: "cross", ERROR: "warn", ABORTED: "square", INTERRUPTED: "pause" };
+
+  /** Pictures side by side, cut to what is drawn in them: the same scale for all. */
+  function fit(drawn) {
+    const boxes = drawn.map((picture) => picture.getBBox());
+    const wide = Math.max(...boxes.map((b) => b.width)) + 8, top = Math.min(...boxes.map((b) => b.y)) - 4, end = Math.max(...boxes.map((b) => b.y + b.height)) + 4;
+    if (end - top > 20) drawn.forEach((picture, i) => picture.setAttribute("viewBox", `${boxes[i].x + boxes[i].width / 2 - wide / 2} ${top} ${wide} ${end - top}`));
+  }
 
   /** A text with its {places} filled in. */
   const fill = (key, values = {}) => texts[key].replace(/\{(\w+)\}/g, (_, name) => values[name]);
@@ -75,7 +82,7 @@ const Parts = (() => {
     const drawn = svg(`<svg class="limit" viewBox="0 0 400 92" role="img"><rect class="zone" x="${x(n(bar.low))}" width="${(360 * (n(bar.high) - n(bar.low))).toFixed(1)}" y="40" height="18"/><line class="axis" x1="10" x2="390" y1="49" y2="49"/>${ticks}<path class="mark${bar.inside ? "" : " off"}" d="M${x(n(bar.value))} 46l-9-20h18z"/></svg>`);
     bar.ticks.forEach(([at, words]) => {
       const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
-      text.setAttribute("x", x(n(at))); text.setAttribute("y", "84"); text.textContent = words;
+      text.setAttribute("x", x(n(at))); text.setAttribute("y", "86"); text.textContent = words;
       drawn.append(text);
     });
     drawn.setAttribute("aria-label", label);
@@ -98,5 +105,5 @@ const Parts = (() => {
       tone.start(at); tone.stop(at + 0.18);
     }
   }
-  return { begin, texts, h, svg, icon, SYMBOLS, fill, list, clock, seconds, moment, day, say, gauges, limitBar, sound, soundOn };
+  return { begin, texts, h, svg, icon, SYMBOLS, fill, list, clock, seconds, moment, day, say, gauges, limitBar, fit, sound, soundOn };
 })();

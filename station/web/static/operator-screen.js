@@ -2,7 +2,7 @@
 // changed; readings and times move within them.
 "use strict";
 const ScreenView = (() => {
-  const { begin, texts, h, svg, icon, SYMBOLS, fill, list, clock, seconds, moment, day, say, gauges, limitBar } = Parts;
+  const { begin, texts, h, svg, icon, SYMBOLS, fill, list, clock, seconds, moment, day, say, gauges, limitBar, fit } = Parts;
   const byId = (id) => document.getElementById(id);
   const may = { run: "csrf" in document.body.dataset, again: "again" in document.body.dataset };
   const made = {}, live = {};
@@ -96,15 +96,16 @@ const ScreenView = (() => {
       const nests = nestsOf(state), by = (test) => nests.filter(([, n]) => n.serial && test(n.outcome)).map(([name]) => name);
       const passed = by((o) => o === "PASS"), failed = by((o) => o === "FAIL"), again = by((o) => o && o !== "PASS" && o !== "FAIL");
       const good = passed.length ? fill("passed_tray", { count: passed.length, nests: list(passed) }) : "";
+      const passedLine = (words) => words && h("p", { class: "passed" }, good ? icon("check") : "", words);
       const line = (words, name, tone) => [h("div", { class: words.length > 60 ? "row long" : "row" }, h("h2", { class: tone }, icon(name), " ", words))];
       byId("task").dataset.tone = failed.length ? "fail" : again.length ? "again" : "pass";
       if (failed.length) {
         const only = failed.length === 1 ? state[`nest ${failed[0]}`] : null;
         const why = only && (only.tile ? `${only.tile.head}, ${only.tile.line}` : (only.reasons || [])[0]) || "";
         const more = again.length ? fill("not_measured", { nests: list(again) }) : "";
-        return [h("p", { class: "passed" }, [good, more].filter(Boolean).join(" · ")), line(fill(why && why.length < 70 ? "remove_why" : "remove", { nests: list(failed), why }), "cross")];
+        return [passedLine([good, more].filter(Boolean).join(" · ")), line(fill(why && why.length < 70 ? "remove_why" : "remove", { nests: list(failed), why }), "cross")];
       }
-      if (again.length) return [h("p", { class: "passed" }, good), line(fill("not_measured", { nests: list(again) }), "warn")];
+      if (again.length) return [passedLine(good), line(fill("not_measured", { nests: list(again) }), "warn")];
       return [line(fill("all_passed", { count: passed.length }), "check")];
     },
   };
@@ -119,6 +120,7 @@ const ScreenView = (() => {
     if (view.state !== "done") delete byId("task").dataset.tone;
     const typed = byId("scan") ? byId("scan").value : "";
     const anew = put("task", signature, () => TASKS[view.state](state, plan));
+    if (anew && (view.state === "ready" || view.why === "question")) fit([...byId("task").querySelectorAll(".turn figure svg, .picture svg[role=img]")]);
     if (anew && typed && byId("scan")) byId("scan").value = typed;
     return anew;
   }
@@ -148,7 +150,8 @@ const ScreenView = (() => {
     }
     if (look === "act") {
       const stops = plan.cells.filter((c) => c.kind === "stop").length;
-      return box({}, h("div", { class: "brief" }, letter(name), serial(nest.serial), attempt(nest)), h("p", { class: "hint" }, state.total ? fill("measured_of", { done: Math.min(state.done, stops), total: stops }) : ""));
+      const turned = (state.confirm || {}).kind === "turn";
+      return box({}, h("div", { class: "brief" }, letter(name), serial(nest.serial), attempt(nest)), h("div", { class: "row" }, h("p", { class: "hint" }, state.total ? fill("measured_of", { done: Math.min(state.done, stops), total: stops }) : ""), turned && h("p", { class: "yours" }, icon("again"), texts.turn_it)));
     }
     const bars = gauges(state.unit), steps = stepList(nest, state, plan);
     live[name] = { bars, steps };
@@ -184,7 +187,7 @@ const ScreenView = (() => {
       h("div", { class: "verdict", "data-part": "verdict", "data-outcome": nest.outcome, role: "status" }, h("div", { class: "top" }, letter(name), serial(nest.serial), icon(SYMBOLS[nest.outcome])), h("strong", { class: cjk ? "cjk" : null, "--letters": Math.max(3, words.length) }, words)),
       h("div", { class: "why", "data-part": "reasons" }, nest.outcome === "PASS" ? h("b", {}, texts.written_verified) : "", tile ? [nest.outcome === "PASS" ? h("p", {}, tile.head, ", ", tile.line) : [h("b", {}, tile.head), h("p", {}, tile.line)]] : h("ul", {}, reasons.map((r) => h("li", {}, r)))),
       tile ? limitBar(tile.bar, `${tile.head}, ${tile.line}`) : "",
-      h("p", { class: "bin", "data-to": to }, `→ ${texts[`to_${to}`]}`),
+      h("p", { class: "bin", "data-to": to }, icon(to === "again" ? "again" : "to"), texts[`to_${to}`]),
     ];
   }
 
@@ -212,7 +215,7 @@ const ScreenView = (() => {
     const signature = [look, plan.id, line.cell, look === "done" && [state.view, state.waiting], state.running, may];
     return put("foot", signature, () => {
       if (look === "done") return doneFoot(state);
-      const box = h("div", { class: "clockbox" }, h("small", { id: "left-name" }), h("strong", { id: "left" }), h("span", { id: "left-more" }));
+      const box = h("div", { class: "clockbox" }, h("small", { id: "left-name" }), h("strong", { id: "left" }), h("span", { class: "more", hidden: true }, icon("hand"), h("span", { id: "left-more" })));
       const cells = plan.cells.map((cell, i) => h("li", { "data-is": i < line.cell ? "done" : i === line.cell ? "now" : "next", "data-hand": hand(cell) || null, "aria-current": i === line.cell ? "step" : null, title: cellName(cell) },
         cell.kind === "stop" ? svg(plan.pictures[cell.picture]) : cellPicture(plan, cell).firstElementChild, h("span", { class: "name" }, cellName(cell)), h("span", { class: "track", "aria-hidden": "true" }, h("i", i === line.cell ? { id: "track" } : {}))));
       const letters = plan.cells.reduce((sum, cell) => sum + cellName(cell).length, 0);
@@ -227,6 +230,13 @@ const ScreenView = (() => {
     return [button || h("span"), h("p", { class: "then" }, words)];
   }
 
+  /** When a person is needed: the line under the time. */
+  function more(words) {
+    const line = byId("left-more");
+    say(line, words);
+    if (line) line.parentNode.hidden = !words;
+  }
+
   /** What moves with the clock alone. */
   function times(state, plan, now_s) {
     const line = state.line || {}, at = line.cell, expected = line.expected_s || [], cell = plan.cells[at];
@@ -235,8 +245,9 @@ const ScreenView = (() => {
     const total = expected.reduce((s, e, i) => s + (hand(plan.cells[i]) ? 0 : e), 0);
     if (!state.running) {
       say(byId("left-name"), texts.run_takes); say(byId("left"), clock(total));
-      const hands = plan.cells.filter(hand).length;
-      say(byId("left-more"), hands ? fill("your_turns", { count: hands }) : "");
+      const hands = plan.cells.filter(hand).length, first = plan.cells.findIndex(hand);
+      const until = clock(expected.slice(0, Math.max(0, first)).reduce((s, e, i) => s + (hand(plan.cells[i]) ? 0 : e), 0));
+      more(hands ? fill(hands > 1 ? "your_turns" : "your_turn_once", { count: hands, time: until }) : "");
       return;
     }
     const within = line.cell_since_s ? now_s - line.cell_since_s : 0;
@@ -245,7 +256,7 @@ const ScreenView = (() => {
     const turn = plan.cells.findIndex((c, i) => i > at && hand(c)), waits = state.view.state === "act" && state.view.why === "question";
     say(byId("left-name"), waits ? texts.left_after : texts.time_left);
     say(byId("left"), cell || at < 0 ? clock(ahead(plan.cells.length)) : clock(0));
-    say(byId("left-more"), waits ? fill("waiting_you", { time: clock(within) }) : turn > 0 ? fill("your_turn_in", { time: clock(ahead(turn)) }) : "");
+    more(waits ? fill("waiting_you", { time: clock(within) }) : turn > 0 ? fill("your_turn_in", { time: clock(ahead(turn)) }) : "");
     const track = byId("track");
     if (track) track.style.width = `${Math.min(100, (100 * within) / Math.max(0.1, expected[at] || 1))}%`;
     say(byId("warm"), clock(Math.max(0, (line.warm_until_s || 0) - now_s)));
