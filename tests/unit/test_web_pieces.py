@@ -41,7 +41,7 @@ def _towards_viewer(axis: np.ndarray) -> np.ndarray:
     """The direction across an axis that comes nearest to the viewer's."""
     viewer = fixture._VIEW.T @ np.array([0.0, -1.0, 0.0])
     unit = axis / np.linalg.norm(axis)
-    return viewer - (viewer @ unit) * unit
+    return np.asarray(viewer - (viewer @ unit) * unit)
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0.55, 0.85), (1, 1, 1)])
