@@ -20,9 +20,13 @@ def recipe_path(name: str | Path) -> Path:
 
 def load_recipe(name: str | Path) -> Recipe:
     """The recipe of that path or name. Errors: RecipeError with every mistake, its line and remedy."""
-    recipe = validate(load_document(recipe_path(name), RecipeError), Recipe, RecipeError)
-    decision_rule.refuse_unestimated(recipe)
-    references.refuse_two_sizes(recipe)
+    path = recipe_path(name)
+    recipe = validate(load_document(path, RecipeError), Recipe, RecipeError)
+    try:
+        decision_rule.refuse_unestimated(recipe)
+        references.refuse_two_sizes(recipe)
+    except RecipeError as exc:
+        raise RecipeError("file-reason", file=str(path), reason=exc.message) from None
     return recipe
 
 

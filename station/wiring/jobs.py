@@ -6,17 +6,18 @@ from pathlib import Path
 from station.adapters.dbc import read_layouts
 from station.config.documents import canonical, load_document, validate
 from station.config.products import product_path
-from station.config.recipes import recipe_hash, recipe_path
+from station.config.recipes import load_recipe, recipe_hash, recipe_path
 from station.domain.can.sensor_layout import SensorLayout, resolve, used_signals
-from station.domain.methods import method
+from station.domain.methods import decision_rule, method
 from station.domain.product import map_check, product_record
+from station.domain.product.device_map import DeviceMap
 from station.domain.product.frame_pattern import parse_pattern
 from station.domain.product.pdo_check import pdo_mismatches
 from station.domain.product.product import Product
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import quantities
 from station.errors import ProductError, RecipeError
-from station.messages import system_reason
+from station.messages import Message, system_reason
 from station.service.station import Job
 
 
@@ -33,7 +34,7 @@ class Source:
 def load_job(name: str | Path) -> tuple[Job, Source]:
     """Reads and checks the recipe and all it names. Errors: RecipeError, ProductError."""
     path = recipe_path(name)
-    recipe = validate(load_document(path, RecipeError), Recipe, RecipeError)
+    recipe = load_recipe(path)
     if recipe.product is None:
         raise RecipeError("recipe-without-product", file=str(path))
     try:
@@ -104,6 +105,16 @@ def _check_fit(path: Path, recipe: Recipe, where: Path, product: Product) -> Non
 
     if (named := len(product.frames.sample.axes)) != recipe.axes:
         raise ProductError("axes-of-sensor", file=str(where), sensor=product.sensor, named=named, wanted=recipe.axes)
+    if product.map.writes and (missing := _not_kept(recipe, product.map)) is not None:
+        raise RecipeError("file-reason", file=str(path), reason=Message(missing))
+
+
+def _not_kept(recipe: Recipe, device_map: DeviceMap) -> str | None:
+    """What is wrong where the recipe finds coefficients that the device has no objects for: every unit would fail."""
+    found = decision_rule.estimated(recipe)
+    if device_map.matrix is None:
+        return "product-without-gain" if found else None
+    return "product-without-cross-axis" if device_map.matrix.order == "diagonal" and "cross_axis" in found else None
 
 
 def _check_map(where: Path, product: Product, eds: Path | None, layout: SensorLayout) -> None:

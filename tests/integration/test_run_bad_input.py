@@ -67,6 +67,12 @@ def refused(folder: Path, kind: type[StationError] | tuple[type[StationError], .
         ({"product": "no-such-thing"}, "There is no no-such-thing.yaml"),
         ({"product": "../accelerometer"}, "is not a plain name"),
         ({"dwell": {"time_s": 1, "until_std": 0.001}}, "either time_s or until_std"),
+        ({"model": "offset-gain"}, "method six-point finds cross-axis terms whatever the model"),
+        ({"method": "n-point", "model": "offset-gain"}, "limits.cross_axis cannot be decided"),
+        (
+            {"reference": {"source": "gravity", "magnitude": 1, "site": {"latitude_deg": 47, "altitude_m": 0}}},
+            "magnitude",
+        ),
     ],
 )
 def test_a_recipe_that_cannot_be_run(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
@@ -165,6 +171,21 @@ def test_a_dbc_that_is_none(tmp_path: Path) -> None:
 def test_a_product_of_another_sensor(tmp_path: Path) -> None:
     recipe = product(tmp_path, lambda d: d.update(sensor="gyroscope"))
     assert "calibrates the sensor accelerometer, but" in refused(tmp_path, RecipeError, recipe=str(recipe))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"), [({"index": 0x2101, "order": "diagonal"}, "stores gains only"), (None, "keeps an offset only")]
+)
+def test_a_recipe_that_finds_more_than_the_device_keeps(tmp_path: Path, matrix: object, words: str) -> None:
+    """Found at the desk: all units would be measured, and each would end at its write."""
+
+    def change(document: dict[str, Any]) -> None:
+        document["map"].pop("checksum")
+        document["map"].pop("order")
+        document["map"].update(matrix=matrix)
+
+    printed = refused(tmp_path, RecipeError, recipe=str(product(tmp_path, change)))
+    assert words in printed
 
 
 def test_an_unknown_key_in_the_device_map(tmp_path: Path) -> None:

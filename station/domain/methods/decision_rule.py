@@ -208,14 +208,23 @@ def _as_unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
+def estimated(recipe: Recipe) -> tuple[str, ...]:
+    """Which of `gain` and `cross_axis` the recipe's method finds beside the offset."""
+    if recipe.method == "one-point":
+        return ()
+    return ("gain",) if recipe.method == "three-point" or recipe.model == "offset-gain" else ("gain", "cross_axis")
+
+
 def refuse_unestimated(recipe: Recipe) -> None:
-    """RecipeError where a limit is on what the recipe's method takes for granted, or what its visits cannot show."""
-    estimates = {"one-point": (), "three-point": ("gain",)}.get(recipe.method, ("gain", "cross_axis"))
-    if recipe.model == "offset-gain":
-        estimates = ("gain",)
+    """RecipeError where a limit is on what the recipe's method takes for granted, or what its visits cannot show; and
+    where the recipe wants a model that its method does not follow."""
+    if recipe.model == "offset-gain" and recipe.method in ("six-point", "norm"):
+        raise RecipeError("model-not-of-method", recipe=recipe.name, method=recipe.method)
     for kind in ("gain", "cross_axis"):
-        if getattr(recipe.limits, kind) is not None and kind not in estimates:
-            raise RecipeError("limit-not-estimated", recipe=recipe.name, limit=kind, method=recipe.method)
+        if getattr(recipe.limits, kind) is not None and kind not in estimated(recipe):
+            raise RecipeError(
+                "limit-not-estimated", recipe=recipe.name, limit=kind, method=recipe.method, model=recipe.model
+            )
     for kind in _not_shown(recipe):
         if getattr(recipe.limits, kind) is not None:
             raise RecipeError("limit-not-shown", recipe=recipe.name, limit=kind, method=recipe.method)
