@@ -116,13 +116,22 @@ def test_a_frame_is_stamped_when_it_is_sent_not_when_it_is_read(driver: str) -> 
     rig.close()
 
 
-def test_several_buses_are_one_fixture() -> None:
-    """A node is asked on its own bus, the others do not hear it; what comes is in the order of time."""
-    clock, names = SystemClock(), ("left", "right")
-    channels = {name: f"station-{uuid.uuid4()}" for name in names}
-    settings = PythonCan.Settings(driver="virtual")
-    near = {name: PythonCan.open(channel, clock, settings) for name, channel in channels.items()}
-    far = {name: PythonCan.open(channel, clock, settings) for name, channel in channels.items()}
+@pytest.mark.parametrize(
+    ("driver", "channels"),
+    [
+        ("virtual", (f"station-{uuid.uuid4()}", f"station-{uuid.uuid4()}")),
+        ("udp_multicast", ("239.74.163.11", "239.74.163.12")),
+        ("udp_multicast", ("ff15:7079:7468:6f6e:6465::11", "ff15:7079:7468:6f6e:6465::12")),
+    ],
+    ids=["virtual", "udp", "udp6"],
+)
+def test_several_buses_are_one_fixture(driver: str, channels: tuple[str, str]) -> None:
+    """A node is asked on its own bus, the others do not hear it, though one machine has them all; what comes is in the
+    order of time."""
+    clock, named = SystemClock(), dict(zip(("left", "right"), channels, strict=True))
+    settings = PythonCan.Settings(driver=driver, options=_PythonCanRig(driver)._options())
+    near = {name: PythonCan.open(channel, clock, settings) for name, channel in named.items()}
+    far = {name: PythonCan.open(channel, clock, settings) for name, channel in named.items()}
     fixture = SeveralBuses(near, {17: "left", 18: "right"})
     service, stream = fixture.service(()), fixture.stream((0x191, 0x192))
     heard = {name: bus.service(()) for name, bus in far.items()}

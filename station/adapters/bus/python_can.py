@@ -44,6 +44,8 @@ _MOST_AT_ONCE: Final = 20_000
 #: Stamps further from the machine's clock than this are of a clock of their own.
 _SAME_CLOCK_S: Final = 3600.0
 _BUFFER_BYTES: Final = 16 << 20
+#: IP_MULTICAST_ALL and IPV6_MULTICAST_ALL of <linux/in.h> and <linux/in6.h>; Python names neither.
+_MULTICAST_ALL: Final = {socket.AF_INET: (socket.IPPROTO_IP, 49), socket.AF_INET6: (socket.IPPROTO_IPV6, 29)}
 
 
 def interfaces() -> tuple[str, ...]:
@@ -80,7 +82,7 @@ class PythonCan:
         self._channels: list[_Channel] = []
         self._taking = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] = deque(maxlen=1000)
-        _enlarge(bus)
+        _tune(bus)
 
     @classmethod
     def open(cls, channel: str, _clock: Clock, settings: Settings) -> "PythonCan":
@@ -294,8 +296,9 @@ def _stamp_ns(message: can.Message) -> int:
     return round(stamp_s * 1e9) if abs(stamp_s - now_ns / 1e9) < _SAME_CLOCK_S else now_ns
 
 
-def _enlarge(bus: can.BusABC) -> None:
-    """The socket's receive buffer, where the interface is one: its default holds a few hundred frames."""
+def _tune(bus: can.BusABC) -> None:
+    """The socket, where the interface is one: its default buffer holds a few hundred frames; and of the local network
+    it hears every group that any program of this machine has joined, while a channel is one group."""
     try:
         number = os.dup(bus.fileno())
     except (NotImplementedError, OSError):
@@ -306,3 +309,6 @@ def _enlarge(bus: can.BusABC) -> None:
         except OSError:
             with suppress(OSError):
                 own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        if own.family in _MULTICAST_ALL and own.type == socket.SOCK_DGRAM:
+            with suppress(OSError):  # an older kernel
+                own.setsockopt(*_MULTICAST_ALL[own.family], 0)
