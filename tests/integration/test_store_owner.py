@@ -5,6 +5,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+import time
 import unicodedata
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from station.errors import StoreFault
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.owner import owner_pid
 from tests.fakes import logs
+from tests.fakes.waiting import until
 
 ROOT = Path(__file__).parents[2]
 
@@ -89,6 +91,7 @@ chroot "$2/root" "$3" -c "$4" "$1/station.db"
 """
 _SECOND_OWNER = """
 import sys
+import time
 from pathlib import Path
 from station.adapters.store.sqlite import SqliteStore
 from station.errors import StoreFault
@@ -172,11 +175,17 @@ def test_a_program_that_changes_no_record_disturbs_nobody(log: Path) -> None:
     store.close()
 
 
+def settled(folder: Path) -> bool:
+    return time.time_ns() - folder.stat().st_ctime_ns > 2 * file.COARSE_TICK_NS
+
+
 @pytest.mark.parametrize("ending", ["", "-wal", "-shm"])
 @pytest.mark.parametrize("how", ["renamed", "removed", "exchanged"])
 def test_a_log_that_is_moved_while_it_is_written_passes_nobody(log: Path, ending: str, how: str) -> None:
     with opened(log) as store:
         attempt = store.begin(logs.begin())
+        until(lambda: settled(log.parent), "a folder that has not changed for a while")
+        store.event(attempt, "note", {})
         file_ = Path(f"{log}{ending}")
         moved = file_.rename(f"{file_}.elsewhere")
         if how == "removed":
@@ -184,4 +193,17 @@ def test_a_log_that_is_moved_while_it_is_written_passes_nobody(log: Path, ending
         elif how == "exchanged":
             shutil.copy(moved, file_)
         with pytest.raises(StoreFault, match="renamed, removed or exchanged"):
+            store.event(attempt, "note", {})
+        with pytest.raises(StoreFault, match="renamed, removed or exchanged"):
             store.finish(attempt, "PASS", 1)
+
+
+def test_a_log_whose_folder_is_moved_passes_nobody(log: Path) -> None:
+    with opened(log) as store:
+        attempt = store.begin(logs.begin())
+        until(lambda: settled(log.parent), "a folder that has not changed for a while")
+        store.event(attempt, "note", {})
+        log.parent.rename(log.parent.with_name("elsewhere"))
+        shutil.copytree(log.parent.with_name("elsewhere"), log.parent)
+        with pytest.raises(StoreFault, match="renamed, removed or exchanged"):
+            store.event(attempt, "note", {})

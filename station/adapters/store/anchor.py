@@ -64,7 +64,6 @@ class HeadFile:
 
     def __init__(self, log: Path) -> None:
         self._path, self._handle, self._inode = head_file_path(log), -1, (-1, -1)
-        self._place = str(self._path)
         self.name = f"{HEAD_FILE} {self._path}"
 
     def open(self) -> None:
@@ -83,16 +82,15 @@ class HeadFile:
         return SealedHead.parse(data) if data else None
 
     def write(self, head: SealedHead, *, durable: bool) -> None:
-        """Writes the line over. Errors: OSError, also where the file was removed, exchanged or given a second name, for
-        then nobody finds the head in its place."""
-        self._check_in_place()
+        """Writes the line over, whatever became of the file's name: see `check_in_place`. Errors: OSError."""
         os.pwrite(self._handle, head.line().encode().ljust(_LENGTH - 1) + b"\n", 0)
         if durable:
             os.fdatasync(self._handle)
 
-    def _check_in_place(self) -> None:
+    def check_in_place(self) -> None:
+        """OSError where the file was removed, exchanged or given a second name: nobody finds the head in its place."""
         with suppress(FileNotFoundError):
-            there = os.lstat(self._place)  # at each commit: a path's own lstat takes twice as long
+            there = self._path.lstat()
             if (there.st_dev, there.st_ino) == self._inode and there.st_nlink == 1:
                 return
         raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), str(self._path))

@@ -108,7 +108,7 @@ class RecordWriter:
 
     def _check_nobody_else_wrote(self) -> None:
         """StoreFault where the log is not where it was, or its newest record not the one that this owner made last."""
-        self.check_in_place()
+        self._files.check_if_folder_changed()
         if (version := self._read_data_version()) == self._data_version:
             return
         if file.newest(self._db, self.log_id) != (self.number, self.hash):

@@ -97,7 +97,7 @@ class SqliteStore:
             found += [*keys.check_signer(self._db, signer, old_signer), *check_clock(self._db, epoch_ns())]
             if found and acknowledgement is None:
                 raise _refusal(path, found)
-            self._open_head_file()
+            self._refuse_without_head(self._head_file.open)
             opened.callback(self._head_file.close)
             self._opened = opened.pop_all()
         if found and acknowledgement:  # before any head is written over: they are the evidence
@@ -113,15 +113,16 @@ class SqliteStore:
             self.event("", "clock-back", {"seconds": behind_s})
         self.tidy()
 
-    def _open_head_file(self) -> None:
+    def _refuse_without_head(self, step: Callable[[], None]) -> None:
         try:
-            self._head_file.open()
+            step()
         except OSError as exc:
             raise StoreFault("head-file-not-written", path=str(self.path), reason=os_error_reason(exc)) from exc
 
     def begin(self, begin: AttemptStart) -> str:
         """Creates the attempt before the device is touched; returns its UUIDv7."""
-        self._keep_head(durable=False)  # what happened to its file since the last record shows here
+        self._keep_head(durable=False)
+        self._refuse_without_head(self._head_file.check_in_place)
         if fault := self._anchors.faults.get(self._head_file.name):
             raise StoreFault("head-file-not-written", path=str(self.path), reason=fault)
         attempt = ids.uuid7(self._epoch_ns())
