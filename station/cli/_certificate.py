@@ -72,9 +72,9 @@ def write_certificate(
     settings = load_settings(config)
     issuer = Issuer.of(settings.certificate.document())
     _require_traceable(issuer, facts.references(recipe))
-    beside = facts.beside_log(issuer, stored)
+    outside_log = facts.outside_log(issuer, stored)
     known = [file for _, file in issued_files(stored)]
-    edition = _edition(edition_for(known, facts.first_number(stored), beside, today), files.changed)
+    edition = _edition(edition_for(known, facts.first_number(stored), outside_log, today), files.changed)
     found = facts.of_attempt(stored, recipe, head, issuer, edition, receipt, product.map)
     made = document.build(stored, recipe, head, words_of(files.language), issuer, edition, receipt, product.map)
     wanted: list[tuple[str, Path | None, Callable[[], bytes]]] = [
@@ -92,7 +92,7 @@ def write_certificate(
         _write(path, content)
         _output.print_line(str(path))
     issued = [
-        IssuedFile(edition.number, kind, digest_of(content), edition.issued, __version__, beside, edition.changed)
+        IssuedFile(edition.number, kind, digest_of(content), edition.issued, __version__, outside_log, edition.changed)
         for kind, _, content in contents
     ]
     if (unsealed := seal_issued(location, settings, chosen.attempt, issued)) is not None:

@@ -34,8 +34,8 @@ def _fish(found: Mapping[str, tuple[str, ...]]) -> str:
     lines = []
     for name, line in commands().items():
         lines.append(f"complete -c station -n __fish_use_subcommand -a {name} -d {_quoted(line)}")
-        seen = f"'__fish_seen_subcommand_from {name}'"
-        lines += [f"complete -c station -n {seen} -l {option.removeprefix('--')}" for option in found[name]]
+        condition = f"'__fish_seen_subcommand_from {name}'"
+        lines += [f"complete -c station -n {condition} -l {option.removeprefix('--')}" for option in found[name]]
     return "\n".join(lines)
 
 

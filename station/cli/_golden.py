@@ -75,7 +75,7 @@ def _update_register(
     if action == "register":
         _refuse_other_spelling(units, serial)
     if action == "register" and options.values:
-        _refuse_beside_values(options)
+        _refuse_with_values(options)
         check(serial, load_recipe(options.recipe))
         units[serial] = golden_register.by_certificate(serial, options.values, _parse_due(options.due))
     elif action == "register":
@@ -87,7 +87,7 @@ def _update_register(
         del units[_registered(units, serial, action).serial]
 
 
-def _refuse_beside_values(options: RegisterOptions) -> None:
+def _refuse_with_values(options: RegisterOptions) -> None:
     """UsageError for what only a registration by the unit's own run reads."""
     for option, given in (("--bad", options.bad), ("--within", options.within is not None)):
         if given:

@@ -28,12 +28,12 @@ def syntax_mistake(text: str, exc: yaml.MarkedYAMLError) -> tuple[int, Message]:
     mark = exc.problem_mark or exc.context_mark
     line = mark.line + 1 if mark else 1
     opened = exc.context_mark.line + 1 if exc.context_mark else line
-    said = f"{exc.context or ''} {exc.problem or ''}"
-    id_ = next((id_ for pattern, id_ in _REASONS if re.search(pattern, said)), "yaml-unreadable")
+    complaint = f"{exc.context or ''} {exc.problem or ''}"
+    id_ = next((id_ for pattern, id_ in _REASONS if re.search(pattern, complaint)), "yaml-unreadable")
     if id_ == "yaml-character":
         return line, _character(text, line, mark.column if mark else 0)
     if id_ == "yaml-bracket-open":
-        return line, Message(id_, bracket=next(b for name, b in _OPENING.items() if name in said), opened=opened)
+        return line, Message(id_, bracket=next(b for name, b in _OPENING.items() if name in complaint), opened=opened)
     if id_ == "yaml-quote-open":
         return line, Message(id_, opened=opened)
     return line, Message(id_, tag="!") if id_ == "yaml-tag" else Message(id_)

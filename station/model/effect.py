@@ -15,7 +15,7 @@ Axes x, y, z are those of the reading unless the effect says a frame. A coeffici
 import hashlib
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, Literal, NamedTuple, Self
@@ -122,8 +122,8 @@ class Effect(ABC):
     another cause's id and what would tell the two apart where no run of a recipe does; pose_free: whether it changes
     the length of a reading, so that visits of unknown pose show it; level: device, rig or bus; of: who shares one
     coefficient (the first is simulated, the others are tried too); axes: one coefficient each; needs: covariates
-    without which it cannot be seen; forms: the parameters besides `size`; shape_grid: their values to scan, by field;
-    quantities: what a sensor that can feel it measures, empty for any.
+    without which it cannot be seen; forms: the parameters besides `size`; quantities: what a sensor that can feel it
+    measures, empty for any.
     """
 
     size: float
@@ -141,13 +141,11 @@ class Effect(ABC):
     axes: ClassVar[tuple[str, ...]] = XYZ
     parameter: ClassVar[Parameter]
     forms: ClassVar[tuple[Parameter, ...]] = ()
-    shape_grid: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     needs: ClassVar[tuple[str, ...]] = ()
     quantities: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
         cls.id = cls.__module__.rsplit(".", 1)[-1].replace("_", "-")
-        cls.shape_grid = {p.field: p.grid for p in cls.forms if p.grid}
 
     @classmethod
     def example(cls) -> Self:

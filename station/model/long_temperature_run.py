@@ -27,8 +27,8 @@ def likelihoods(time: Floats, value: Floats, ratios: Floats) -> tuple[Floats, Fl
     t = np.take_along_axis(time, order, axis=1)
     T = np.take_along_axis(value, order, axis=1) - value.mean(axis=1, keepdims=True)
     # (n, 1, r, 3): the straight line and the temperatures.
-    seen = np.stack([np.ones_like(t), t, T], axis=-1).swapaxes(0, 1)[:, None]
-    white, logdet = _white(np.diff(t, axis=1, prepend=0.0).T, seen, ratios[:, None])
+    columns = np.stack([np.ones_like(t), t, T], axis=-1).swapaxes(0, 1)[:, None]
+    white, logdet = _white(np.diff(t, axis=1, prepend=0.0).T, columns, ratios[:, None])
     line, left = white[..., :2], white[..., 2]
     normal = np.einsum("nqri,nqrj->qrij", line, line)
     toward = np.einsum("nqri,nqr->qri", line, left)
@@ -37,11 +37,11 @@ def likelihoods(time: Floats, value: Floats, ratios: Floats) -> tuple[Floats, Fl
     return (logdet + np.linalg.slogdet(normal)[1]).sum(1), squares.sum(1)
 
 
-def _white(gap: Floats, seen: Floats, ratio: Floats) -> tuple[Floats, Floats]:
+def _white(gap: Floats, columns: Floats, ratio: Floats) -> tuple[Floats, Floats]:
     """Columns (n, 1, r, c) of visits so long (n, r) after each other, whitened at each ratio (ρ, 1): (n, ρ, r, c);
     and the log-determinant (ρ, r)."""
     shape = np.broadcast_shapes(ratio.shape, gap[0].shape)
-    white = np.empty((len(gap), *shape, seen.shape[-1]))
+    white = np.empty((len(gap), *shape, columns.shape[-1]))
     level, slope = np.zeros(white.shape[1:]), np.zeros(white.shape[1:])
     # Covariance of the two, and so of what is read, which has noise of variance 1.
     ll, ls, ss, logdet = (np.zeros(shape) for _ in range(4))
@@ -51,7 +51,7 @@ def _white(gap: Floats, seen: Floats, ratio: Floats) -> tuple[Floats, Floats]:
         ls = ls + h * ss + ratio * h**2 / 2
         ss = ss + ratio * h
         total = 1 + ll
-        off = seen[j] - level
+        off = columns[j] - level
         white[j] = off / np.sqrt(total)[..., None]
         logdet += np.log(total)
         level = level + (ll / total)[..., None] * off

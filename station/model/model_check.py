@@ -120,15 +120,15 @@ def _parameters(
     forms = {form.name: form for form in effect.forms}
     remarks = REMARKS.get(effect.id, ())
     names = tuple(dict.fromkeys([*(c.name for c in effect.columns), *forms, *remarks]))
-    seen: set[tuple[str, str, str | None]] = set()
+    taken: set[tuple[str, str, str | None]] = set()
     for k, p in enumerate(parameters):
         place = (*at, "parameters", k)
         if p.name not in names:
             yield (*place, "name"), Message("model-parameter", effect=effect.id, name=p.name[:40], names=names)
             continue
-        if (key := (p.name, p.of, p.axis)) in seen:
+        if (key := (p.name, p.of, p.axis)) in taken:
             yield place, Message("model-parameter-twice", effect=effect.id, name=p.name)
-        seen.add(key)
+        taken.add(key)
         if p.of.partition(":")[0] not in levels or (p.of.startswith("common") and p.of != "common"):
             yield (*place, "of"), Message("model-level", of=p.of[:40], effect=effect.id, levels=tuple(levels))
         if p.std is not None and not 0 <= p.std <= MOST_SIZE:

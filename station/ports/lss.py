@@ -53,8 +53,5 @@ class LssMaster(Protocol):
     def configure_bit_rate(self, kbit_s: int) -> None:
         """Gives the selected device a bit rate of CiA 305's table, not yet active and not yet stored."""
 
-    def activate_bit_rate(self, delay_s: float) -> None:
-        """Every selected device falls silent for `delay_s`, switches, and is silent for as long again."""
-
     def store(self) -> None:
         """The selected device keeps node id and bit rate beyond power-off."""

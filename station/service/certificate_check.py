@@ -162,13 +162,13 @@ def _content(
     facts.require_certifiable(stored)
     stored = _as_then(stored, issue)
     recipe, product, _ = parse_recipe_and_product(*texts)
-    beside = (issue.issuer, issue.edition, issue.receipt, product.map)
+    context = (issue.issuer, issue.edition, issue.receipt, product.map)
     if kind == "pdf":
-        made = document.build(stored, recipe, issue.head, words_of(issue.language), *beside)
+        made = document.build(stored, recipe, issue.head, words_of(issue.language), *context)
         if pdf(made) != data:
             yield Message("certificate-check-bytes")
         return
-    found = facts.of_attempt(stored, recipe, issue.head, *beside)
+    found = facts.of_attempt(stored, recipe, issue.head, *context)
     if kind == "json":
         rebuilt = json.loads(json.dumps(found))
         yield from _differences(dict(_leaves(_parse_once(data))), dict(_leaves(rebuilt)))
@@ -183,7 +183,7 @@ def _as_then(stored: Mapping[str, Any], issue: CertificateIssue) -> Mapping[str,
 
 def _is_known(issue: CertificateIssue, stored: Mapping[str, Any]) -> bool:
     """Whether the log keeps digests of what the certificate says beside the log."""
-    return any(file.number == issue.number and file.beside for _, file in issued_files(stored))
+    return any(file.number == issue.number and file.outside_log for _, file in issued_files(stored))
 
 
 def _edition(issue: CertificateIssue, stored: Mapping[str, Any]) -> Iterator[Message]:
@@ -196,12 +196,12 @@ def _edition(issue: CertificateIssue, stored: Mapping[str, Any]) -> Iterator[Mes
         if number != first or issue.replaces:
             yield Message("certificate-check-number", number=number[:80])
         return
-    if not file.beside or issue.issuer == Issuer():
+    if not file.outside_log or issue.issuer == Issuer():
         return  # an older version kept neither; the page's copies name no issuer
     edition = edition_of(known, number)
     if edition != issue.edition:
         yield Message("certificate-check-edition", number=number, issued=file.issued)
-    for part in changed_parts(file.beside, facts.beside_log(issue.issuer, _as_then(stored, issue))):
+    for part in changed_parts(file.outside_log, facts.outside_log(issue.issuer, _as_then(stored, issue))):
         yield Message("certificate-check-part", number=number, what=Message(f"certificate-{part}"))
 
 

@@ -108,12 +108,6 @@ class CanopenLssMaster:
         index = lss_transfer.BIT_TIMINGS[kbit_s]
         self._command(lss_frame(lss_transfer.CONFIGURE_BIT_TIMING, 0, index), "configure bit timing")
 
-    def activate_bit_rate(self, delay_s: float) -> None:
-        """Nobody answers; waits until everybody has switched."""
-        low, high = round(delay_s * 1000).to_bytes(2, "little")
-        self._exchange(LssRequest(lss_frame(lss_transfer.ACTIVATE_BIT_TIMING, low, high)), 0.0)
-        self._network.wait(lambda: False, self._network.clock.monotonic_s() + 2 * delay_s)
-
     def store(self) -> None:
         """Store configuration."""
         self._command(lss_frame(lss_transfer.STORE), "store configuration", self._timing.store_s)

@@ -8,8 +8,6 @@ from station.domain.cell.adjustment import UnitMode
 from station.domain.cell.packml import State
 from station.messages import Message, render
 
-#: A line says its state at each step, at least so often while it waits, s; long runs say it unit by unit.
-STALE_S = 600.0
 #: OPC 40001-1, MachineryItemState.
 NOT_AVAILABLE, OUT_OF_SERVICE, NOT_EXECUTING, EXECUTING = 0, 1, 2, 3
 #: How an outcome travels as a number.

@@ -112,11 +112,11 @@ class PlcPositioner:
 
     def _is_parked(self) -> bool:
         try:
-            seen = self._link.begin()
+            view = self._link.begin()
         except PlcFault as fault:
             raise PositionerFault(fault.message) from fault
-        off_deg = plc_view.angle_between_deg(seen.actual, plc_view.quaternion_of(np.eye(3)))
-        return "in-position" in seen.status and "moving" not in seen.status and off_deg <= self._settings.tolerance_deg
+        off_deg = plc_view.angle_between_deg(view.actual, plc_view.quaternion_of(np.eye(3)))
+        return "in-position" in view.status and "moving" not in view.status and off_deg <= self._settings.tolerance_deg
 
     def _travel(self, goal: Floats, timeout_s: float, place: Message) -> None:
         until_s = self._clock.monotonic_s() + timeout_s

@@ -41,8 +41,8 @@ def _reason(error: psycopg.Error) -> Message:
     """Why there is no connection; of a statement, what the server says."""
     if error.diag.message_primary:
         return Message.text(" ".join(error.diag.message_primary.split()))
-    said = str(error)
-    return next((Message(id_) for words, id_ in _NOT_CONNECTED if re.search(words, said)), Message("plant-no-server"))
+    text = str(error)
+    return next((Message(id_) for words, id_ in _NOT_CONNECTED if re.search(words, text)), Message("plant-no-server"))
 
 
 def connect(address: str, *, read_only: bool = False) -> "psycopg.Connection":

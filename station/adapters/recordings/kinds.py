@@ -38,8 +38,8 @@ def apart(lines: list[str]) -> list[list[str]]:
 
 def _spoken(lines: list[str]) -> list[list[str]]:
     """Tables of the kinds of which lines speak; none where most lines speak of nothing."""
-    said = [line for line in lines[: dialect.HEAD] if line.strip()]
-    if len(said) < LEAST_ROWS or sum(_SPOKEN.match(line) is not None for line in said) < 0.3 * len(said):
+    filled = [line for line in lines[: dialect.HEAD] if line.strip()]
+    if len(filled) < LEAST_ROWS or sum(_SPOKEN.match(line) is not None for line in filled) < 0.3 * len(filled):
         return []
     tables: dict[str, list[str]] = {}
     for line in lines:

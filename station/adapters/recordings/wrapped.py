@@ -55,9 +55,9 @@ def _holds_several(cells: tuple[str, ...]) -> bool:
     ((pattern, times),) = Counter(map(_pattern, cells)).most_common(1)
     changes = sum(a != b for a, b in pairwise(cells))
     values = pattern.count(_NUMBER) + pattern.count(_CLOCK)
-    beside = re.sub(r"[\s#@:/.+-]", "", pattern)
-    wrapped = values > 1 or (values == 1 and beside and _NUMBER in pattern)
-    return bool(wrapped and beside and times > 0.8 * len(cells) and changes > SELDOM * len(cells))
+    words = re.sub(r"[\s#@:/.+-]", "", pattern)
+    wrapped = values > 1 or (values == 1 and words and _NUMBER in pattern)
+    return bool(wrapped and words and times > 0.8 * len(cells) and changes > SELDOM * len(cells))
 
 
 def _plain(line: str) -> str:

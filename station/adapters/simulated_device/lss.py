@@ -18,9 +18,6 @@ _NODE_KEY, _BIT_KEY = "node", "bit_timing"
 _RESETS = (0x81, 0x82)
 _LAST_PART, _BIT_TIMINGS, _REFUSED = 3, (0, 1, 2, 3, 4, 6, 7, 8), 1
 
-#: What can be wrong with one.
-LSS_FAULTS = ("lss-early", "lss-twice")
-
 
 class LssSlave:
     """State machine of one slave: frames in, frames out. factory: its node id before any was stored.

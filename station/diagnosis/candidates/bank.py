@@ -6,7 +6,7 @@ own rows, so one derivative serves all groups and all levels.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -282,12 +282,12 @@ def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
 def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
     """Levels of sharing that differ in these data, with the pattern of each."""
     found: list[tuple[str, Pattern]] = []
-    seen: list[tuple[bool, bytes]] = []
+    taken: list[tuple[bool, bytes]] = []
     for of in effect.of:
         code, names = view.scene.group(of)
         own = of in PER_UNIT_LEVELS
         key = (own and len(view.scene.visits.unit.names) > 1, code.tobytes())
-        if key in seen or (of == "visit" and len(names) < 2):
+        if key in taken or (of == "visit" and len(names) < 2):
             continue
         rare = of == "visit" or any(p.name == "at" for p in effect.forms)
         if not (rare and own and of != "unit"):
@@ -296,7 +296,7 @@ def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
             found.append((of, "scan"))
         # Of one run there is none to look for: what is rare is its unit's.
         if found and found[-1][0] == of:
-            seen.append(key)
+            taken.append(key)
     return found
 
 
@@ -399,8 +399,3 @@ def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *,
     place = tuple(slice(0, 0) if key is None else made[key].at for key in keys)
     found, codes, lengths = (tuple(column) for column in zip(*items, strict=True)) if items else ((), (), ())
     return Bank(moving, found, codes, lengths, place, tuple(made.values()))
-
-
-def form_values(effect: Effect) -> dict[str, float]:
-    """The values of the shape, by field."""
-    return {f.name: getattr(effect, f.name) for f in fields(effect) if f.name != "size"}

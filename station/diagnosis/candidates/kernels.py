@@ -75,11 +75,11 @@ def _grouped(name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...]
 
 def _levels(view: ResidualView, *levels: str) -> Iterator[str]:
     """Levels that differ in these data."""
-    seen: set[tuple[bool, bytes]] = set()
+    taken: set[tuple[bool, bytes]] = set()
     for of in levels:
         key = (of in PER_UNIT_LEVELS and view.grid.units > 1, view.scene.group(of)[0].tobytes())
-        if key not in seen:
-            seen.add(key)
+        if key not in taken:
+            taken.add(key)
             yield of
 
 

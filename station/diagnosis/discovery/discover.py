@@ -235,11 +235,11 @@ def _levels_of(problem: ScoringProblem) -> tuple[str, ...]:
 
 
 def _distinct_levels(problem: ScoringProblem, levels: Sequence[str]) -> Iterator[str]:
-    seen: set[bytes] = set()
+    taken: set[bytes] = set()
     for of in levels:
         key = problem.view.scene.group(of)[0].tobytes()
-        if key not in seen:
-            seen.add(key)
+        if key not in taken:
+            taken.add(key)
             yield of
 
 

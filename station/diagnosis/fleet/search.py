@@ -83,7 +83,7 @@ def search_shared(
         price = np.log(len(candidates)) - np.log(_ALWAYS)
         best = int(np.argmin(always))
         part = scans.best(
-            leftover(fit.known(plain=True)), fit.told_in_time(), [rank > 0 for _, rank in tests], dispersion
+            leftover(fit.known(plain=True)), fit.known_in_time(), [rank > 0 for _, rank in tests], dispersion
         )
         if min(always[best] + price, part.log_chance if part else 0.0) > np.log(LEVEL):
             break
@@ -214,14 +214,14 @@ class _Fit:
                 left -= np.outer(one.members * self._m.units, one.columns @ size)
         return np.asarray(weight @ left / (weight @ self._m.units))
 
-    def told_in_time(self) -> Floats:
+    def known_in_time(self) -> Floats:
         """1 for each row (k) but those whose units are off by what goes with a covariate: what is left of them is not
         known unit by unit."""
-        told = np.ones(len(self._slices.cell))
+        known = np.ones(len(self._slices.cell))
         for one in self._accepted:
             if one.columns is None:
-                told[one.members[self._slices.cell] > 0] = 0.0
-        return told
+                known[one.members[self._slices.cell] > 0] = 0.0
+        return known
 
     def known(self, *, plain: bool = False) -> Floats:
         """What a unit of each row (k, r) is off by for what was found; plain: as it was measured, not winsorised."""

@@ -63,10 +63,10 @@ class StretchSearch:
             causes = CauseDirections.of([one for one in columns if one is not None])
             self._groups.append(_Group(candidates[own[0]].members, tuple(own), causes))
 
-    def best(self, left: Floats, told: Floats, wanted: Sequence[bool], dispersion: float) -> PartFound | None:
-        """left (k, r): what the slices' rows are off by; told (k): 1 for those that count, else 0; wanted: which
+    def best(self, left: Floats, known: Floats, wanted: Sequence[bool], dispersion: float) -> PartFound | None:
+        """left (k, r): what the slices' rows are off by; known (k): 1 for those that count, else 0; wanted: which
         candidates; dispersion: of whole groups."""
-        slices, left = replace(self._slices, units=self._slices.units * told), left * told[:, None]
+        slices, left = replace(self._slices, units=self._slices.units * known), left * known[:, None]
         scans = [group_scan(slices, left, group.members, FEWEST_UNITS) for group in self._groups]
         own = self._dispersion(scans, dispersion)
         best: tuple[float, int, int, ScannedStretch] | None = None

@@ -59,8 +59,8 @@ class GroupScan:
         self._sum, self._worth = _prefix(shown), _prefix(units * part)
         inside = _prefix(units * compared)
         first, last = np.triu_indices(len(units) + 1, 1)
-        enough = (inside[last] - inside[first] >= fewest) & ~((first == 0) & (last == len(units)))
-        self._first, self._last = first[enough], last[enough]
+        wide = (inside[last] - inside[first] >= fewest) & ~((first == 0) & (last == len(units)))
+        self._first, self._last = first[wide], last[wide]
         self._slices, self._used = len(units), int(compared.sum())
 
     def tests(self, causes: CauseDirections) -> tuple[list[ScannedStretch | None], list[ScannedStretch | None]]:

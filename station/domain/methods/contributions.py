@@ -117,8 +117,8 @@ def shortening(short: Floats) -> Floats:
     total, variance = short.sum(axis=2), (short**2).sum(axis=2)
     n = total**2 / np.where(variance > 0, variance, 1.0)
     held = scipy.special.gammaincinv(np.maximum(n, ONE_SIDED), coverage.PROBABILITY) / coverage.NORMAL
-    beside = np.maximum(held**2 / np.maximum(n, ONE_SIDED) - 1, 0.0)
-    return np.asarray(np.sqrt(beside * variance) * (n > ONE_SIDED))
+    excess = np.maximum(held**2 / np.maximum(n, ONE_SIDED) - 1, 0.0)
+    return np.asarray(np.sqrt(excess * variance) * (n > ONE_SIDED))
 
 
 def quantisation(problem: FitProblem, fit: Fit) -> Floats:

@@ -162,7 +162,7 @@ def _scatter(
     earlier = recipe.residuals
     usual = residual_scatter.NOTHING_KNOWN if earlier is None else (earlier.ratio, earlier.dof)
     if stated_poses.apply(recipe, problem, fit):
-        shown, residuals = _beside_stated_poses(problem, fit, found, usual)
+        shown, residuals = _with_stated_poses(problem, fit, found, usual)
         return [of_visits, *_largest(problem, fit, [*shown, hidden])], residuals
     ratio, noise_variance = _ratio(problem.scatter_pose, found.between, found.of_between, found.dof_between)
     over, dof = residual_scatter.excess(ratio, found.dof_between, usual)
@@ -170,15 +170,15 @@ def _scatter(
     return [of_visits, *_largest(problem, fit, [(each, dof), hidden])], (ratio, found.dof_between)
 
 
-def _beside_stated_poses(
+def _with_stated_poses(
     problem: FitProblem, fit: Fit, found: LackOfFit, usual: tuple[float, float]
 ) -> tuple[list[hidden_scatter.Kind], tuple[Floats, Floats]]:
     """Scatter alike on all readings, and errors of poses beyond the stated ones."""
-    alike, poses = stated_poses.components(problem, fit, found, usual)
-    over, dof = residual_scatter.excess(alike.ratio, alike.dof, usual)
+    even, poses = stated_poses.components(problem, fit, found, usual)
+    over, dof = residual_scatter.excess(even.ratio, even.dof, usual)
     more, dof_of_more = residual_scatter.excess(poses.ratio, poses.dof)
-    a, b = over[:, None, None] * alike.unit, more[:, None, None] * poses.unit
-    return [(a, dof), (b, dof_of_more)], (alike.ratio, alike.dof)
+    a, b = over[:, None, None] * even.unit, more[:, None, None] * poses.unit
+    return [(a, dof), (b, dof_of_more)], (even.ratio, even.dof)
 
 
 def _largest(problem: FitProblem, fit: Fit, kinds: Sequence[hidden_scatter.Kind]) -> Iterator[_Scatter]:

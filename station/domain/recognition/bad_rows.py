@@ -47,12 +47,12 @@ def _filled(source: str, raw: Floats, keep: Rows, quantity: Quantity) -> tuple[R
     """Rows without one number in all three columns that says "none": 0, as in a buffer never filled, where the stimulus
     never vanishes, or a code such as -9999."""
     x, y, z = raw[keep].T
-    alike = (x == y) & (y == z)
-    usual = float(np.quantile(np.abs(raw[keep][~alike]), 1 - FAR, method="higher")) if not alike.all() else np.inf
-    zero = alike & (x == 0)
+    equal = (x == y) & (y == z)
+    usual = float(np.quantile(np.abs(raw[keep][~equal]), 1 - FAR, method="higher")) if not equal.all() else np.inf
+    zero = equal & (x == 0)
     if quantity.sizes is None:
         zero = _at_ends(zero)
-    empty = zero | (alike & (np.abs(x) > CODE * usual))
+    empty = zero | (equal & (np.abs(x) > CODE * usual))
     if not empty.any() or empty.sum() > MISSING * len(keep):
         return keep, ()
     worst = float(x[empty][np.argmax(np.abs(x[empty]))])

@@ -79,11 +79,7 @@ def of_attempt(
                   "any_false_accept": any_false_accept(verdict, decided)},
         "visits": [visit_of(recipe, p) for p in fit["positions"]],
         "verification": verified,
-        "adjustment": [
-            {key: write.get(key) for key in ("name", "object", "old", "written", "read_back")}
-            for write in stored["writes"]
-            if write.get("name") != "unlock"  # the key is the maker's secret
-        ],
+        "adjustment": _adjustment(stored["writes"]),
         "held": {key: _held(device_map, stored["writes"], moment) for key, moment in MOMENTS.items()},
         "conditions": {
             "temperature_degC": fit.get("temperature_degC"),
@@ -99,6 +95,12 @@ def of_attempt(
                 "config": stored["config_hash"], "witness": None if receipt is None else dict(receipt)},
         "signatures": stored_attempt.signatures(stored),
     }  # fmt: skip
+
+
+def _adjustment(writes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What was written to the device; not the key that unlocks it, which is the maker's secret."""
+    keys = ("name", "object", "old", "written", "read_back")
+    return [{key: write.get(key) for key in keys} for write in writes if write.get("name") != "unlock"]
 
 
 def visit_of(recipe: Recipe, visit: Mapping[str, Any]) -> dict[str, Any]:
@@ -121,11 +123,11 @@ def first_number(stored: Mapping[str, Any]) -> str:
     return f"{stored['station']}-{stored['attempt']}"
 
 
-#: Parts of a certificate that are not the attempt's, as `beside_log` names them.
+#: Parts of a certificate that are not the attempt's, as `outside_log` names them.
 PARTS = (*(part.name for part in fields(Issuer)), "signatures")
 
 
-def beside_log(issuer: Issuer, stored: Mapping[str, Any]) -> str:
+def outside_log(issuer: Issuer, stored: Mapping[str, Any]) -> str:
     """Digests of what a certificate says beside the attempt: issuer's words, and signatures so far."""
     return digests_of({**asdict(issuer), "signatures": stored_attempt.signatures(stored)})
 

@@ -74,7 +74,6 @@ class DriveAxis:
         self._reached = True
         self._homing, self._homings = False, 0
         self._limited = False
-        self._start_bit = False
         self._shown_mode = 0
         self._error = 0
         self._frozen: tuple[int, int] | None = None
@@ -242,7 +241,6 @@ class DriveAxis:
             self._fail(now_s, SUPPLY)
             return
         self.state = DriveState.ENABLED
-        self._start_bit = bool(self._control & profile.START)
         if self.has("stale-target") and self.values[profile.TARGET, 0] != self.encoder(now_s):
             self._set_point(now_s)
 
@@ -282,7 +280,7 @@ class DriveAxis:
             if not self.has("halt-ignored"):
                 self._brake(now_s, self._ramp(profile.DECELERATION))
             return
-        start, self._start_bit = bool(word & profile.START), bool(word & profile.START)
+        start = bool(word & profile.START)
         rises = start and not bool(before & profile.START)
         if self._shown_mode == profile.PROFILE_POSITION:
             if rises and not self.has("acknowledge-missing"):

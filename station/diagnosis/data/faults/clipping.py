@@ -55,8 +55,8 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     found = hit.any(axis=1) & noisy
     # What reaches a limit of the unit and seldom stands there is cut off by the same.
     size = np.abs(extremes)
-    alike = np.isclose(size[..., None], size[found], rtol=1e-9, atol=0.0).any(axis=-1)
-    return np.where(found | (alike & noisy), extremes, _OPEN)
+    equal = np.isclose(size[..., None], size[found], rtol=1e-9, atol=0.0).any(axis=-1)
+    return np.where(found | (equal & noisy), extremes, _OPEN)
 
 
 def _one_sided(limits: Floats) -> tuple[Floats, Floats]:

@@ -41,12 +41,6 @@ class BlockObjects:
         """The first coefficient's object."""
         return next(iter(self.cells.values()))
 
-    @property
-    def in_row(self) -> bool:
-        """Whether they follow each other in one object."""
-        entries = list(self.cells.values())
-        return all(e.index == self.first.index and e.sub == self.first.sub + i for i, e in enumerate(entries))
-
 
 @dataclass(frozen=True, slots=True)
 class MapObjects:
