@@ -327,7 +327,6 @@ def _sdo(data: bytes) -> Iterator[object]:
         lambda: sdo.upload(0x1018, 1),
         lambda: sdo.upload(0x1008, 0),
         lambda: sdo.download(0x2100, 0, b"abcdefghi"),
-        lambda: sdo.upload_block(0x1009, 0),
         lambda: sdo.download(0x2101, 1, bytes(500)),
         lambda: sdo.upload(0x1000, 0),
     ]

@@ -133,29 +133,6 @@ def test_the_crc_is_that_of_the_standard() -> None:
     assert crc_hqx(b"123456789", 0) == 0x31C3  # CiA 301, 7.2.4.3.16: check value of CRC-16/XMODEM
 
 
-def test_block_upload(start: Start) -> None:
-    sdo = start(
-        ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 09 00 00 00"]),
-        ("a3 00 00 00 00 00 00 00", ["01 61 62 63 64 65 66 67", "82 68 69 00 00 00 00 00"]),
-        ("a2 02 7f 00 00 00 00 00", [f"d5 {crc(b'abcdefghi')} 00 00 00 00 00"]),
-        ("a1 00 00 00 00 00 00 00", []),
-    )
-    assert sdo.upload_block(0x1021, 0) == b"abcdefghi"
-
-
-def test_a_block_with_a_hole_is_asked_for_again_the_last_one_too(start: Start) -> None:
-    one, two, three = "61 62 63 64 65 66 67", "68 69 6a 6b 6c 6d 6e", "6f 70 00 00 00 00 00"
-    sdo = start(
-        ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 10 00 00 00"]),
-        ("a3 00 00 00 00 00 00 00", [f"01 {one}", f"83 {three}"]),  # the second of three is lost
-        ("a2 01 7f 00 00 00 00 00", [f"01 {two}"]),  # now the very last is lost: nothing more comes
-        ("a2 01 7f 00 00 00 00 00", [f"81 {three}"]),
-        ("a2 01 7f 00 00 00 00 00", [f"d5 {crc(b'abcdefghijklmnop')} 00 00 00 00 00"]),
-        ("a1 00 00 00 00 00 00 00", []),
-    )
-    assert sdo.upload_block(0x1021, 0) == b"abcdefghijklmnop"
-
-
 def test_segments_of_nothing_for_ever_come_to_an_end(start: Start) -> None:
     sdo = start(
         ("40 08 10 00 00 00 00 00", ["40 08 10 00 00 00 00 00"]),
@@ -164,29 +141,6 @@ def test_segments_of_nothing_for_ever_come_to_an_end(start: Start) -> None:
     )
     with pytest.raises(DeviceRefused):
         sdo.upload(0x1008, 0)
-
-
-def test_one_segment_of_a_block_for_ever_comes_to_an_end(start: Start) -> None:
-    again = ["01 61 62 63 64 65 66 67"] * 254
-    sdo = start(
-        ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 00 01 00 00"]),
-        ("a3 00 00 00 00 00 00 00", again),
-        *[("a2 01 7f 00 00 00 00 00", again)] * 3,
-        ("80 21 10 00 03 00 04 05", []),
-    )
-    with pytest.raises(DeviceRefused, match="sequence"):
-        sdo.upload_block(0x1021, 0)
-
-
-def test_a_block_with_a_wrong_crc_is_no_value(start: Start) -> None:
-    sdo = start(
-        ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 07 00 00 00"]),
-        ("a3 00 00 00 00 00 00 00", ["81 61 62 63 64 65 66 67"]),
-        ("a2 01 7f 00 00 00 00 00", ["c1 00 00 00 00 00 00 00"]),
-        ("80 21 10 00 04 00 04 05", []),
-    )
-    with pytest.raises(DeviceRefused, match="the CRC of the block is wrong"):
-        sdo.upload_block(0x1021, 0)
 
 
 def test_block_download_repairs_what_was_lost_in_the_last_block(start: Start) -> None:
@@ -313,14 +267,11 @@ def test_every_abort_code_comes_through_in_every_kind_of_transfer(start: Start, 
         ("40 01 21 01 00 00 00 00", [f"80 01 21 01 {abort}"]),
         ("21 00 21 00 09 00 00 00", ["60 00 21 00 00 00 00 00"]),
         ("00 61 62 63 64 65 66 67", [f"80 00 21 00 {abort}"]),
-        ("a4 21 10 00 7f 00 00 00", ["c6 21 10 00 09 00 00 00"]),
-        ("a3 00 00 00 00 00 00 00", [f"80 21 10 00 {abort}"]),
     )
     for transfer in (
         lambda: sdo.download(0x2101, 1, ONE),
         lambda: sdo.upload(0x2101, 1),
         lambda: sdo.download(0x2100, 0, b"abcdefghi"),
-        lambda: sdo.upload_block(0x1021, 0),
     ):
         with pytest.raises(DeviceRefused) as caught:
             transfer()

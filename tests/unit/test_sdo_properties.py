@@ -73,13 +73,12 @@ def losing(seed: int, fraction: float) -> Callable[[], bool]:
 
 
 DATA = st.binary(min_size=0, max_size=3000)
-UPLOADS = [sdo_transfer.upload, sdo_block.upload]
 DOWNLOADS = [sdo_transfer.download, sdo_block.download]
 
 
-@given(data=DATA, upload=st.sampled_from(UPLOADS))
-def test_every_value_is_read_as_it_is(data: bytes, upload: Any) -> None:
-    assert drive(upload(INDEX, SUB), SdoServer(OneObject(data)), lambda: False) == data
+@given(data=DATA)
+def test_every_value_is_read_as_it_is(data: bytes) -> None:
+    assert drive(sdo_transfer.upload(INDEX, SUB), SdoServer(OneObject(data)), lambda: False) == data
 
 
 @given(data=DATA.filter(bool), download=st.sampled_from(DOWNLOADS))
@@ -96,9 +95,9 @@ def test_an_empty_value_is_written_in_a_segment() -> None:
 
 
 @settings(max_examples=examples(300))
-@given(data=DATA, upload=st.sampled_from(UPLOADS), seed=st.integers(0, 2**32), fraction=st.floats(0, 0.1))
-def test_over_a_link_that_loses_a_read_is_right_or_fails(data: bytes, upload: Any, seed: int, fraction: float) -> None:
-    got = drive(upload(INDEX, SUB), SdoServer(OneObject(data)), losing(seed, fraction))
+@given(data=DATA, seed=st.integers(0, 2**32), fraction=st.floats(0, 0.1))
+def test_over_a_link_that_loses_a_read_is_right_or_fails(data: bytes, seed: int, fraction: float) -> None:
+    got = drive(sdo_transfer.upload(INDEX, SUB), SdoServer(OneObject(data)), losing(seed, fraction))
     assert got == data or got in (NoAnswer, Refused, Violation)
 
 
@@ -151,14 +150,13 @@ class Babbler(ScriptedChannel):
 @settings(max_examples=examples(300))
 @given(
     frames=st.lists(FRAME, max_size=30),
-    what=st.sampled_from(["upload", "upload_block", "short", "long"]),
+    what=st.sampled_from(["upload", "short", "long"]),
 )
 def test_no_answer_upsets_the_client(frames: list[bytes], what: str) -> None:
     channel = Babbler(frames)
     sdo = SdoClient(ServiceNetwork(channel, channel), 5, 0.1)
     do: dict[str, Callable[[], object]] = {
         "upload": lambda: sdo.upload(INDEX, SUB),
-        "upload_block": lambda: sdo.upload_block(INDEX, SUB),
         "short": lambda: sdo.download(INDEX, SUB, b"abc"),
         "long": lambda: sdo.download(INDEX, SUB, bytes(500)),
     }

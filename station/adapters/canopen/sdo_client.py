@@ -89,11 +89,6 @@ class SdoClient:
             self._doubtful.discard((index, sub))
             return data
 
-    def upload_block(self, index: int, sub: int, timeout_s: float | None = None) -> bytes:
-        """Raw value of an object in blocks, for long ones such as a stored EDS. Errors: as upload."""
-        with self._lock:
-            return self._run("read", index, sub, timeout_s, lambda: sdo_block.upload(index, sub))
-
     def download(self, index: int, sub: int, data: bytes, timeout_s: float | None = None) -> None:
         """Writes an object once: expedited, in segments, or in blocks when it is long. Never repeated.
 

@@ -18,7 +18,6 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "refuse": "refuses with the abort code `code`; `access` (read, write) narrows it",
         "wrong-toggle": "answers a segment with the wrong toggle bit",
         "lost-segment": "loses one segment of a block",
-        "bad-block-crc": "sends a wrong CRC at the end of a block upload",
         "twice": "answers every request twice, as two devices with one node id do",
         "early": "sends, behind its answer, one to a request for the next sub-index that nobody has made yet",
         "other-id": "answers under the node id after its own",

@@ -36,10 +36,7 @@ class SdoFaults:
     def spoil(self, answers: tuple[bytes, ...], about: SdoRequest, server: ObjectServer) -> tuple[bytes, ...]:
         """What is sent in place of these answers."""
         previous, self._previous = self._previous, answers or self._previous
-        if len(answers) > 1:
-            answers = tuple(answer for answer in answers if not self.fires("lost-segment", about))
-        else:
-            answers = tuple(self._spoilt(answer, about, server) for answer in answers)
+        answers = tuple(self._spoilt(answer, about, server) for answer in answers)
         if len(answers) == 1 and self.fires("early", about):
             answers = (answers[0], server.of_next_object(answers[0]))
         if self.fires("stale", about):
@@ -63,7 +60,4 @@ class SdoFaults:
             return server.of_other_object(answer, int(fault.value))
         if not about.starts and kind in _SEGMENT_ANSWERS and self.fires("wrong-toggle", about):
             return bytes([answer[0] ^ sdo.TOGGLE_BIT]) + answer[1:]
-        ends_block = answer[0] & 0xE3 == sdo.RESPONSE_BLOCK_UPLOAD | sdo.END_BLOCK_TRANSFER
-        if not about.starts and ends_block and self.fires("bad-block-crc", about):
-            return bytes([answer[0], answer[1] ^ 0xFF]) + answer[2:]
         return answer

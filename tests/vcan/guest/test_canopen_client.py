@@ -119,7 +119,6 @@ def test_long_values_in_segments_and_in_blocks(vcan: Interface, node_device: Dev
         data = bytes((7 * i + length) % 256 for i in range(length))
         device.download(0x2120, 0, data)
         assert device.upload(0x2120, 0) == data
-        assert device.sdo.upload_block(0x2120, 0) == data
 
 
 def test_what_candump_saw_is_what_the_client_did(
