@@ -323,3 +323,12 @@ def test_a_made_password_is_shown_once_it_is_in_force(
     made = re.search(r"anna logs in with (\S+) ", shown)
     assert made is not None
     assert accounts.verify_password(made[1], accounts.load(tmp_path / "accounts.json")["anna"].password)
+
+
+def test_a_demonstration_writes_no_account_where_an_engineer_would_have_to_vouch_for_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    people = folder / "other.json"
+    assert station(folder, monkeypatch, "panel", "--simulate", "--port", "0", "--accounts", str(people)) == 2
+    assert "other.json holds no account" in capsys.readouterr().err
+    assert not people.exists()
