@@ -20,6 +20,8 @@ from station.service.containment import TouchedUnit
 _PACE_LOADS = 21
 #: Attempts read together.
 _PORTION = 512
+#: Attempts looked at together for what is new.
+_PAGE = 4096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +64,8 @@ class Watch:
         self._lines: dict[tuple[str, str], _Line] = {}
         #: By station: when each load began; the load's number is its place, from 1.
         self._began: dict[str, list[int]] = {}
-        self._newest_ns: dict[str, int] = {}
+        self._read_to = 0  # attempts with larger record numbers are new
+        self._waiting: list[Attempt] = []  # for their load to end, or for one before it
         self._alerts: list[tuple[tuple[str, str], Alert]] = []
 
     @property
@@ -98,23 +101,46 @@ class Watch:
         return containment.touched(self._log, finding.query)
 
     def _finished_loads(self) -> list[list[Attempt]]:
-        """Loads that began after the newest read of their station, oldest first, up to its first that still runs."""
-        known = dict(self._newest_ns)
-        since = min(known.values()) + 1 if known else None
+        """Loads not read yet, in the order of the log, of each station up to its first that still runs."""
         found: dict[tuple[int, str, str], list[Attempt]] = {}
-        for attempt in reversed(self._log.attempts(Query(since_ns=since))):
-            if attempt.started_ns > known.get(attempt.station, -1):
-                key = attempt.started_ns, attempt.station, attempt.recipe_hash
-                found.setdefault(key, []).append(attempt)
+        for attempt in self._still_waiting() + self._new_attempts():
+            found.setdefault((attempt.started_ns, attempt.station, attempt.recipe_hash), []).append(attempt)
         finished: list[list[Attempt]] = []
         running: set[str] = set()
-        for key in sorted(found):
-            if any(a.outcome is None for a in found[key]):
-                running.add(key[1])
-            if key[1] not in running:
-                finished.append(found[key])
-                self._newest_ns[key[1]] = key[0]
+        self._waiting = []
+        for load in found.values():
+            station = load[0].station
+            if any(a.outcome is None for a in load):
+                running.add(station)
+            if station in running:
+                self._waiting += load
+            else:
+                finished.append(load)
         return finished
+
+    def _new_attempts(self) -> list[Attempt]:
+        """Attempts begun since the last call, oldest first: by number, for a clock may be turned back, and because a
+        station that is silent for a year must not have the others' year read again."""
+        found: list[Attempt] = []
+        before = None
+        while page := self._log.attempts(Query(before=before), _PAGE):
+            found += [a for a in page if a.number > self._read_to]
+            before = page[-1].number
+            if before <= self._read_to or len(page) < _PAGE:
+                break
+        if found:
+            self._read_to = found[0].number
+        return found[::-1]
+
+    def _still_waiting(self) -> list[Attempt]:
+        """Those that waited, as the log has them now."""
+        numbers = {a.number for a in self._waiting}
+        found: list[Attempt] = []
+        for station in dict.fromkeys(a.station for a in self._waiting):
+            times = [a.started_ns for a in self._waiting if a.station == station]
+            query = Query(station=station, since_ns=min(times), until_ns=max(times) + 1)
+            found += [a for a in self._log.attempts(query) if a.number in numbers]
+        return sorted(found, key=lambda attempt: attempt.number)
 
     def _add(self, load: Sequence[Attempt], rows: dict[int, ReducedAttempt]) -> None:
         first = load[0]

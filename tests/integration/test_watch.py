@@ -9,6 +9,7 @@ import pytest
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
 from station.cli.app import main
+from station.ports.log_reader import Attempt, Query
 from station.service.watch import Watch
 from tests.fakes import logs, watched_log
 
@@ -104,6 +105,51 @@ def test_a_load_that_still_runs_is_waited_for_at_its_own_station_only(tmp_path: 
         store.finish(running, "ABORTED", at + 1)
         watched.read()
         assert watched.loads == 6
+
+
+def test_loads_after_a_clock_was_turned_back_are_read_in_the_order_of_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "station.db"
+    watched_log.write(path, range(101, 104), tilted, SEED)
+    with SqliteLogReader(path) as log:
+        watched = Watch(log, 1000)
+        watched.read()
+        watched_log.write(path, range(1, 3), tilted, SEED)
+        watched.read()
+        assert watched.loads == 5
+
+
+class CountingReader(SqliteLogReader):
+    """Counts the attempts that it hands out."""
+
+    handed = 0
+
+    def attempts(self, query: Query, limit: int | None = None) -> list[Attempt]:
+        found = super().attempts(query, limit)
+        self.handed += len(found)
+        return found
+
+
+def test_what_a_look_for_new_loads_reads_does_not_grow_with_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though another station has been silent since before all of them, and one never finished its load."""
+    monkeypatch.setattr("station.service.watch._PAGE", 8)
+    path = tmp_path / "station.db"
+    watched_log.write(path, range(1, 2), tilted, SEED, "bench-2")
+    with SqliteStore(path) as store:
+        at = watched_log.FIRST_NS + 2 * watched_log.STEP_NS
+        store.begin(logs.begin("A00002", station="bench-3", started_ns=at, recipe_json=""))
+    watched_log.write(path, range(3, 23), tilted, SEED)
+    with CountingReader(path) as log:
+        watched = Watch(log, 1000)
+        watched.read()
+        assert watched.loads == 21
+        before = log.handed
+        watched_log.write(path, range(23, 24), tilted, SEED)
+        watched.read()
+        assert watched.loads == 22
+        # A page of eight, and the one that still runs.
+        assert log.handed - before <= 9
 
 
 def test_a_log_of_few_loads_says_that_the_watch_still_learns(tmp_path: Path, capsys: Out) -> None:
