@@ -5,16 +5,20 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
 from station.config.recipes import load_recipe
 from station.domain.core.types import Floats
 from station.domain.recipe.blocks import Limits
 from station.domain.watch import change_point
+from station.domain.watch import ranks as ranks_module
 from station.domain.watch.bank import LoadValues, WatchBank, WatchedPlace
-from station.domain.watch.e_detector import SHIFTS, RankShares, ShiftDetector, likelihood_ratios
+from station.domain.watch.e_detector import SHIFTS, WEIGHTS, ShiftDetector, likelihood_ratios
 from station.domain.watch.load import load_values
 from station.domain.watch.put_right import ReturnTest
+from station.domain.watch.ranks import RankShares
 from station.domain.watch.signals import WatchedSignal, projector
 from station.domain.watch.size import drift_of
 from tests.fakes.watched_log import visits
@@ -62,6 +66,28 @@ def test_a_share_lies_within_its_rank_however_many_values_there_are() -> None:
         assert (before < value).sum() <= places <= (before <= value).sum() + 1
 
 
+@given(
+    st.lists(st.sampled_from(range(40)), max_size=120),
+    st.lists(st.sampled_from(range(40)), max_size=40),
+    st.integers(0, 120),
+)
+def test_ranks_that_begin_anew_are_those_of_a_fresh_start(came: list[int], more: list[int], keep: int) -> None:
+    """However much of what came is kept, and whatever else is put beside it."""
+    values = np.array([*came[:keep], *more], float)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ranks_module, "_NEWEST", 5)
+        ranks, fresh = RankShares("d"), RankShares("d")
+        for value in came:
+            ranks.add(value)
+        ranks.restart(values)
+        fresh.restart(values)
+        assert len(ranks) == len(fresh) == len(values)
+        assert sorted([*ranks._sorted, *ranks._newest]) == sorted(values)
+        ranks._random.seed(1)
+        fresh._random.seed(1)
+        assert [ranks.add(v) for v in range(0, 40, 3)] == [fresh.add(v) for v in range(0, 40, 3)]
+
+
 def test_a_ratio_is_that_of_students_density_and_one_on_average() -> None:
     unit = stats.t(8, scale=math.sqrt(6 / 8))
     shares = (np.arange(200_000) + 0.5) / 200_000
@@ -78,7 +104,35 @@ def test_the_evidence_follows_the_recursion_of_shiryaev_and_roberts() -> None:
     expected = sum(np.prod(ratios[k:], axis=0) for k in range(3))
     for row in ratios:
         detector.add(row)
-    assert detector.evidence == pytest.approx(float(np.mean(expected)), rel=1e-12)
+    assert detector.evidence == pytest.approx(float(WEIGHTS @ expected), rel=1e-12)
+
+
+def overshot(rng: np.random.Generator, shift: float, limit: float, trials: int) -> Floats:
+    """Limit over evidence at an alarm, for values that are shifted after 100 quiet ones."""
+    unit, found = stats.t(8, scale=math.sqrt(6 / 8)), list[float]()
+    while len(found) < trials:
+        detector = ShiftDetector()
+        for row in likelihood_ratios(rng.random(100).tolist()):
+            detector.add(row)
+        if detector.evidence >= limit:
+            continue
+        while detector.evidence < limit:
+            for row in likelihood_ratios(unit.cdf(unit.rvs(8, random_state=rng) + shift).tolist()):
+                detector.add(row)
+                if detector.evidence >= limit:
+                    break
+        found.append(limit / detector.evidence)
+    return np.array(found)
+
+
+def test_a_quiet_stream_alarms_less_often_than_once_in_as_many_loads_as_the_limit() -> None:
+    """By a change of measure, which sees the run length of 3,300 loads in alarms that come after some ten."""
+    rng, limit, trials = np.random.default_rng(SEED), 2000.0, 40
+    parts = [overshot(rng, float(shift), limit, trials) for shift in SHIFTS]
+    rate = sum(w * part.mean() for w, part in zip(WEIGHTS, parts, strict=True))
+    std = math.sqrt(sum(w**2 * part.var(ddof=1) / trials for w, part in zip(WEIGHTS, parts, strict=True)))
+    assert abs(rate - 0.61) < 4.5 * std
+    assert rate + 4.5 * std < 1
 
 
 def quiet_alarm(seed: int, loads: int, run_length: float) -> bool:
@@ -175,6 +229,17 @@ def test_a_change_that_lasts_is_not_taken_for_put_right_and_one_that_is_over_soo
         late += found is None or not lasting - 15 <= found <= lasting + 15
     assert wrong / trials <= 0.02 + 4.5 * math.sqrt(0.02 / trials), "one in fifty, and chance"
     assert late / trials <= 0.02 + 4.5 * math.sqrt(0.02 / trials)
+
+
+def test_values_that_come_at_once_say_the_same_as_one_after_the_other() -> None:
+    values = np.random.default_rng(SEED).normal(1.0, 1.0, (90, 2))
+    values[50:] -= 1.0
+    at_once, one_by_one = ReturnTest(np.ones(2)), ReturnTest(np.ones(2))
+    at_once.extend(values)
+    for value in values:
+        one_by_one.extend(value[None])
+    assert at_once.righted_since() == one_by_one.righted_since()
+    assert len(at_once) == len(one_by_one) == 90
 
 
 def test_one_good_unit_after_a_large_change_does_not_end_it() -> None:

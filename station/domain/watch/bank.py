@@ -1,8 +1,8 @@
 """All streams of one station and recipe watched together; each change is one alert, open until it is put right.
 
 A stream alarms when its evidence reaches K · ARL, K streams in all; exchangeable values then give it at most
-n / (K · ARL) alarms within n loads on average. Expectations add up, however the streams depend on each other: the bank
-gives at most n / ARL false alarms.
+n / (K · ARL) alarms within n loads on average (ShiftDetector). Expectations add up, however the streams depend on each
+other: the bank gives at most n / ARL false alarms.
 """
 
 import math
@@ -139,7 +139,7 @@ class WatchBank:
     def _raise(self, key: tuple[WatchedPlace, int], load: int) -> Alert | None:
         """A new alert; None where the change belongs to an open one."""
         stream = self._streams[key[0]][key[1]]
-        change = _find(stream, 0)
+        change = _find(stream, stream.first_recent())
         if change is None:
             return None
         begin, low, high = (stream.loads[i] for i in (change.begin, change.low, change.high))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.watch.stream import Rows
+from station.domain.watch.rows import Rows
 
 #: Log likelihood ratio of "as before" against "still changed" that ends a change; no load counts more than the other.
 _RIGHTED_NATS, _MOST_A_LOAD = math.log(1000), 4.0
@@ -37,11 +37,11 @@ class ReturnTest:
 
     def extend(self, values: Floats) -> None:
         """Values (n, m) more."""
-        for row, loss in zip(values, _loss(values), strict=True):
-            self._sum = self._sum + np.clip(row, self._low, self._high)
-            self._values.add(row)
-            self._loss.add(loss)
-            self._total.add(self._sum)
+        total = np.cumsum(np.vstack([self._sum, np.clip(values, self._low, self._high)]), axis=0)
+        self._sum = total[-1]
+        self._values.extend(values)
+        self._loss.extend(_loss(values))
+        self._total.extend(total[1:])
 
     def righted_since(self) -> int | None:
         """Index of the first value that is as before; None while the change lasts."""

@@ -2,40 +2,13 @@
 
 from bisect import bisect_left
 
-import numpy as np
-
 from station.domain.core.types import Floats
-from station.domain.watch.e_detector import LEARN, RankShares, ShiftDetector
+from station.domain.watch.e_detector import LEARN, ShiftDetector
+from station.domain.watch.ranks import RankShares
+from station.domain.watch.rows import Rows
 
-_FIRST_CAPACITY = 64
 #: Values before a change, and since it began, that tell its levels to a hundredth of their scatter.
 _NEAR = 5000
-
-
-class Rows:
-    """Numbers (n, *shape) that become more: to add one costs the same however many there are."""
-
-    def __init__(self, *shape: int) -> None:
-        self._kept, self._count = np.empty((_FIRST_CAPACITY, *shape)), 0
-
-    def __len__(self) -> int:
-        return self._count
-
-    @property
-    def array(self) -> Floats:
-        """All of them (n, *shape)."""
-        return self._kept[: self._count]
-
-    def add(self, row: "float | Floats") -> None:
-        """One more."""
-        if self._count == len(self._kept):
-            self._kept = np.concatenate([self._kept, np.empty_like(self._kept)])
-        self._kept[self._count] = row
-        self._count += 1
-
-    def keep(self, count: int) -> None:
-        """Only the first so many."""
-        self._count = min(self._count, count)
 
 
 class Stream:
@@ -71,6 +44,11 @@ class Stream:
         """Index of the first value that tells what was before the one at this index: older ones tell no more of it, and
         would cost more the longer the log is."""
         return max(0, index - _NEAR)
+
+    def first_recent(self) -> int:
+        """Index of the first value at which a change that is new may have begun, and of those that tell what was
+        before: the smallest shift that is found at all is found within some thousand loads."""
+        return max(0, len(self.loads) - 2 * _NEAR)
 
     def near(self, index: int, end: int | None = None) -> tuple[Floats, int]:
         """Values near the one at this index, before `end`, and its index among them."""
