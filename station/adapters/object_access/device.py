@@ -4,14 +4,15 @@ from collections.abc import Collection
 
 from station.adapters.canopen.network import ServiceNetwork
 from station.adapters.object_access.client import ObjectClient
+from station.adapters.object_access.without_states import WithoutStates
 from station.errors import DeviceSilent
-from station.ports.device import Emergency, Identity, read_identity
+from station.ports.device import Identity, read_identity
 
 #: How often a device that starts is asked whether it is there, and how long each time.
 _POLL_S = 0.05
 
 
-class ObjectDevice:
+class ObjectDevice(WithoutStates):
     """It always sends its readings, tells no state and no emergencies; a restart of its own shows in nothing but its
     frames' counter. NMT commands but `reset-node` are nothing to it."""
 
@@ -45,22 +46,6 @@ class ObjectDevice:
             if clock.monotonic_s() >= deadline_s:
                 raise DeviceSilent("no-answer-after-reset", node=self.node, timeout_s=timeout_s)
         self._boot_ups += 1
-
-    def state(self) -> str:
-        """It has no states: it works."""
-        return "operational"
-
-    def heartbeat_age_s(self) -> float:
-        """It has no heartbeat that could be late."""
-        return 0.0
-
-    def heartbeats(self) -> int:
-        """It sends none."""
-        return 0
-
-    def emergencies(self) -> tuple[Emergency, ...]:
-        """It sends none."""
-        return ()
 
     def boot_ups(self) -> int:
         """Restarts that the station asked for."""

@@ -3,12 +3,13 @@
 from collections.abc import Collection
 
 from station.adapters.object_access.client import NO_OBJECT
+from station.adapters.object_access.without_states import WithoutStates
 from station.domain.product.sdo_codes import address
 from station.errors import DeviceRefused
-from station.ports.device import Emergency, Identity
+from station.ports.device import Identity
 
 
-class SendingDevice:
+class SendingDevice(WithoutStates):
     """It always sends its readings; it has no objects, no states and no commands."""
 
     def __init__(self, node: int) -> None:
@@ -31,22 +32,6 @@ class SendingDevice:
 
     def wait_boot_up(self, timeout_s: float) -> None:
         """It cannot be restarted, so there is nothing to wait for."""
-
-    def state(self) -> str:
-        """It has no states: it works."""
-        return "operational"
-
-    def heartbeat_age_s(self) -> float:
-        """It has no heartbeat that could be late."""
-        return 0.0
-
-    def heartbeats(self) -> int:
-        """It sends none."""
-        return 0
-
-    def emergencies(self) -> tuple[Emergency, ...]:
-        """It sends none."""
-        return ()
 
     def boot_ups(self) -> int:
         """A restart shows in nothing but a gap of its frames."""

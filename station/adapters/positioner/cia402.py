@@ -13,7 +13,7 @@ from station.config.rigs import load_rig
 from station.domain.recipe.fields import StrictModel
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.rig import drive_profile as profile
-from station.domain.rig.paths import safe_way
+from station.domain.rig.paths import quickest_way, safe_way
 from station.domain.rig.rig_map import Homing, RigMap
 from station.errors import Aborted, BusFault, PositionerFault, StationError
 from station.messages import Message
@@ -98,7 +98,7 @@ class Cia402Positioner:
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the quickest safe way, and of the handshakes. Errors: PositionerFault where there is none."""
         starts = [self.rig.park_deg] if origin is None else self._goals(origin)
-        way = min((w for s in starts if (w := safe_way(self.rig.space, s, self._goals(stop)))), default=None)
+        way = quickest_way(self.rig.space, starts, self._goals(stop))
         if way is None:
             raise PositionerFault("rig-no-safe-way", place=Message("place-position", position=stop.position))
         window_s = max(axis.window_s for axis in self.rig.axes)

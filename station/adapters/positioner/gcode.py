@@ -12,7 +12,7 @@ from station.adapters.positioner._twin import twin_port
 from station.config.rigs import load_rig
 from station.domain.recipe.fields import StrictModel
 from station.domain.recipe.plan import PlannedVisit
-from station.domain.rig.paths import safe_way
+from station.domain.rig.paths import quickest_way, safe_way
 from station.domain.rig.rig_map import RigMap
 from station.errors import Aborted, PositionerFault, UsageError
 from station.messages import Message, system_reason
@@ -89,7 +89,7 @@ class GcodePositioner:
     def estimate_s(self, origin: PlannedVisit | None, stop: PlannedVisit) -> float:
         """Time of the quickest safe way. Errors: PositionerFault where there is none."""
         starts = [self.rig.park_deg] if origin is None else self._goals(origin)
-        way = min((w for s in starts if (w := safe_way(self.rig.space, s, self._goals(stop)))), default=None)
+        way = quickest_way(self.rig.space, starts, self._goals(stop))
         if way is None:
             raise PositionerFault("rig-no-safe-way", place=Message("place-position", position=stop.position))
         return way[0] + len(way[1]) * 2 * POLL_S

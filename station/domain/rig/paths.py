@@ -83,6 +83,13 @@ def safe_way(space: Space, start: Angles, goals: Sequence[Angles]) -> tuple[floa
     return None
 
 
+def quickest_way(
+    space: Space, starts: Sequence[Angles], goals: Sequence[Angles]
+) -> tuple[float, tuple[Angles, ...]] | None:
+    """The same from whichever of the starts is nearest."""
+    return min((way for start in starts if (way := safe_way(space, start, goals))), default=None)
+
+
 def _points(space: Space, start: Angles, goals: set[Angles]) -> list[Angles]:
     """The goals, and where there are zones the crossings of all lines that a way around them may follow."""
     if all(space.is_open(start, goal) for goal in goals):
