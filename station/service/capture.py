@@ -12,7 +12,7 @@ from station.domain.recipe.plan import PlannedVisit
 from station.domain.run.progress import Event, LiveReading, Notice
 from station.errors import PositionerFault
 from station.messages import Message
-from station.service import dwell_control
+from station.service import dwell_control, process_data
 from station.service.bus_errors import refuse_bus_off
 from station.service.dwell_control import GOLD_KEY, Readings
 from station.service.face_wait import FaceWait, rest_window, window_s
@@ -99,10 +99,11 @@ class Capture:
 
     def wait_for_face(
         self, units: Sequence[Unit], planned: PlannedVisit, instruction: Message
-    ) -> Generator[Event, None, list[Unit]]:
+    ) -> Generator[Event, None, tuple[list[Unit], list[Unit]]]:
         """Until the wanted face is up and still in every nest; reports once what else was brought up.
 
-        Returns the units that send nothing: nobody needs to turn the fixture for them. Errors: PositionerFault."""
+        Returns the units that send nothing, and those whose PDOs map other objects than they did: nobody needs to turn
+        the fixture for them. Errors: PositionerFault."""
         clock, face_s = self._station.clock, self._station.settings.timeouts.face_s
         begun_s = clock.monotonic_s()
         wait = FaceWait(units, self._job, planned, begun_s, face_s)
@@ -112,12 +113,19 @@ class Capture:
             self._pass_over(newest)
             wait.look(newest, clock.monotonic_s(), clock.epoch_ns())
             if wait.over:
-                return list(wait.silent)
+                return list(wait.silent), []
             for message in wait.wrong_faces():
                 if message not in reported:
+                    if changed := self._remapped(units):
+                        return [], changed
                     yield Notice(Message("wrong-face-up", found=message, instruction=instruction))
                 reported.add(message)
+        if changed := self._remapped(units):
+            return [], changed
         raise PositionerFault("nobody-turned-it", position=planned.position, timeout_s=face_s, found=wait.found)
+
+    def _remapped(self, units: Sequence[Unit]) -> list[Unit]:
+        return [unit for unit in units if process_data.remapped(unit, self._job) is not None]
 
     def _settle(self, collector: VisitCollector) -> None:
         """The recipe's settling time, then until every unit is still; a unit that never is, the visit's check names.

@@ -336,6 +336,7 @@ class Load:
 
     def _end(self, unit: Unit, fault: StationError | None, outcome: Outcome = Outcome.ERROR) -> Iterator[Event]:
         """Leaves the device, closes the attempt, and only then says how it ended."""
+        fault = fault or (None if outcome is Outcome.PASS else process_data.remapped(unit, self._job))
         if fault is not None:
             unit.reasons.append(reason_of(fault))
             outcome = Outcome(fault.outcome)

@@ -81,13 +81,14 @@ class VisitMeasurement:
     def _wait_for_face(
         self, units: Sequence[Unit], planned: PlannedVisit, instruction: Message, gone: dict[str, Reasons]
     ) -> Generator[Event, None, None]:
-        """Until the fixture is turned; units that send nothing are added to those gone. Those already measured stand
-        by: they tell how the fixture lies."""
+        """Until the fixture is turned; units that send nothing, or other objects, are added to those gone. Those
+        already measured stand by: they tell how the fixture lies."""
         while present := [unit for unit in units if unit.seat.serial not in gone]:
-            silent = yield from self._capture.wait_for_face(present, planned, instruction)
-            if not silent:
+            silent, changed = yield from self._capture.wait_for_face(present, planned, instruction)
+            if not silent and not changed:
                 return
             gone |= {unit.seat.serial: self._silence(unit, planned) for unit in silent}
+            gone |= {unit.seat.serial: () for unit in changed}  # what has changed is said where the unit ends
 
     def _silence(self, unit: Unit, planned: PlannedVisit) -> Reasons:
         """Why the fixture need not be turned for a unit: it sends nothing."""

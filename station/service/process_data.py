@@ -18,7 +18,7 @@ from station.domain.product.sending_pdo import (
     TRANSMISSION,
     SendingPdo,
 )
-from station.errors import DeviceChanged, DeviceRefused
+from station.errors import DeviceChanged, DeviceRefused, StationFault
 from station.messages import Message
 from station.ports.store import Store
 from station.service.station import Job
@@ -58,6 +58,20 @@ def check_unchanged(unit: Unit, job: Job) -> None:
     for pdo in unit.pdos:
         if _mapping(unit, pdo.number) != set_up.get(pdo.number, pdo.mapping):
             raise DeviceChanged("pdo-mapping-changed", unit=unit.label, pdo=pdo.number + 1)
+
+
+def remapped(unit: Unit, job: Job) -> DeviceChanged | None:
+    """What explains a unit that reads wrongly: what `check_unchanged` says. A unit that restarted lost what it was set
+    to, which is no change of anybody's."""
+    if unit.device.boot_ups() != unit.boot_ups:
+        return None
+    try:
+        check_unchanged(unit, job)
+    except DeviceChanged as changed:
+        return changed
+    except (DeviceRefused, StationFault):
+        return None
+    return None
 
 
 def _found(unit: Unit, layout: SensorLayout, setups: dict[int, PdoSetup]) -> Iterator[SendingPdo]:

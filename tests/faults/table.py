@@ -133,6 +133,12 @@ _SENDING = _rows(
     ("it maps other objects in the verification", "device remap:after_s=24", ERROR, "its PDO 1 maps other", NEW),
     ("it maps other objects in the tumble", "device remap:after_s=6", ERROR, "its PDO 1 maps other objects than"),
     (
+        "it maps other objects, and its readings fail for it",
+        "device remap:after_s=6 and stuck-axis:value=1",
+        ERROR,
+        "its PDO 1 maps other objects than",
+    ),
+    (
         "its output is another one after the tumble",
         "device reads:index=0x2106,sub=0,value=1,at=3",
         ERROR,

@@ -107,6 +107,18 @@ def test_when_nobody_turns_it_the_station_says_so(tmp_path: Path) -> None:
     assert "within 20 s: Nest A shows +z up. Start again with" in ran.fault.sentence
 
 
+@pytest.mark.parametrize("units", [1, 2])
+def test_a_wrong_face_of_a_device_that_maps_other_objects_is_not_the_persons(tmp_path: Path, units: int) -> None:
+    """Two axes that change places look like another face; nobody waits until the time for turning is over."""
+    ran = fixture_run.run(tmp_path, units=units, faults=("SN0001/remap:after_s=6",), wrap=by_hand({"x-up": "y-down"}))
+    first, *others = ran.results.values()
+    assert first.outcome is Outcome.ERROR
+    assert "its PDO 1 maps other objects than at the start of the run" in first.reasons[-1].sentence
+    assert len(ran.life("SN0001")["visits"]) == 2, "it ends where it shows another face, before x-up"
+    assert {r.outcome for r in others} <= {Outcome.PASS}
+    assert ran.fault is None
+
+
 @pytest.mark.parametrize("alone", [True, False])
 @pytest.mark.parametrize(
     ("fault", "reason"),
