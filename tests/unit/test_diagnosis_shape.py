@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from station.diagnosis.candidates.bank import candidate_in_view
-from station.diagnosis.candidates.shape import tune_form
+from station.diagnosis.candidates.bank import Candidate, candidate_in_view, candidates, cause_library
+from station.diagnosis.candidates.shape import log_range, tune_form, with_form_value
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
@@ -25,3 +27,25 @@ def test_a_time_constant_far_from_what_is_usual_is_sought_from_there(start_s: fl
     tuned, (form,) = tune_form(candidate, bare.view, space)
     assert form.field == "time_constant_s" and np.isfinite([form.value, form.std]).all() and form.value > 0
     assert tuned.effect is not None
+
+
+def _flat(name: str, at: float) -> tuple[Candidate, ResidualView, ResidualSpace]:
+    """A cause with a time constant at a value, where nothing is hidden."""
+    table, _ = hide(recipe(1), None, 9, floor=WHITE)
+    bare = initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+    (effect,) = (e for e in cause_library(recipe(1)) if e.id == name)
+    one = next(c for c in candidates(effect, bare.view) if c.of == effect.of[0])
+    space = bare.space(bare.fit().floor, moving=one.moving)
+    return with_form_value(one, "time_constant_s", at, bare.view), bare.view, space
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_time_constant_that_is_tuned_again_and_again_stays_within_its_range(end: int) -> None:
+    """A creep seen long after clamping looks the same with every shorter constant, and the search began each time at
+    the end that the last one had moved."""
+    (effect,) = (e for e in cause_library(recipe(1)) if e.id == "clamp-creep")
+    bounds = np.exp(log_range(effect.forms[0]))
+    tuned, view, space = _flat("clamp-creep", float(bounds[end]))
+    for _ in range(4):
+        tuned, _ = tune_form(tuned, view, space)
+        assert bounds[0] * 0.999 <= tuned.effect.time_constant_s <= bounds[1] * 1.001  # type: ignore[union-attr]

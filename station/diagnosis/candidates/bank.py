@@ -90,10 +90,15 @@ class Candidate:
     @property
     def most(self) -> float:
         """The largest amplitude that is thinkable; infinite for a kernel."""
+        return AMPLITUDE_LIMIT_FACTOR * self.usual_most
+
+    @property
+    def usual_most(self) -> float:
+        """The largest amplitude met in practice; infinite for a kernel."""
         if self.effect is None:
             return np.inf
         p = self.effect.parameter
-        return AMPLITUDE_LIMIT_FACTOR * max(abs(p.low), abs(p.high)) * self.scale
+        return max(abs(p.low), abs(p.high)) * self.scale
 
     @property
     def scans_visits(self) -> bool:

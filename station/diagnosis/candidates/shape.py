@@ -149,7 +149,7 @@ def _tune(
     gap = float(np.log(p.grid[1] / p.grid[0])) if len(p.grid) > 1 else 0.1
     low, high = log_range(p)
     # A model file may begin beyond the range that is usual.
-    low, high = min(low, float(np.log(start)) - gap), max(high, float(np.log(start)) + gap)
+    low, high = min(low, float(np.log(start))), max(high, float(np.log(start)))
     for x in (0.0, -gap, gap):
         at(float(np.clip(np.log(start) + x, low, high)))
     for _ in range(10):

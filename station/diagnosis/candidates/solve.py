@@ -1,6 +1,6 @@
 """The coefficients of everything known, with their covariance: generalised least squares under the floor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +56,13 @@ def whitened(covariance: FloorCovariance, known: NuisanceColumns, readings: Data
     white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
     own, shared, data = (np.concatenate(pair, axis=1) for pair in zip(white, prior_rows(known), strict=True))
     return WhiteRows(own, shared, data[..., 0], white[0].shape[1] - dwell, dwell)
+
+
+def with_priors(white: WhiteRows, known: NuisanceColumns) -> WhiteRows:
+    """The same rows with the priors of `known`, whose columns are the same."""
+    measured = [x[:, : white.stops + white.dwell] for x in (white.own, white.shared, white.data[..., None])]
+    own, shared, data = (np.concatenate(pair, axis=1) for pair in zip(measured, prior_rows(known), strict=True))
+    return replace(white, own=own, shared=shared, data=data[..., 0])
 
 
 def solve(white: WhiteRows, used: Floats | None = None) -> NuisanceSolution:

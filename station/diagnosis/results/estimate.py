@@ -5,14 +5,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.candidates.nuisance import AcceptedCause
+from station.diagnosis.candidates.bank import build_bank
+from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
 from station.diagnosis.candidates.shape import FormEstimate, tunable_parameters, tune_form, with_form_value
-from station.diagnosis.candidates.solve import solve, whitened
+from station.diagnosis.candidates.solve import WhiteRows, solve, whitened, with_priors
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.form_posterior import FormPosterior, form_posterior
 from station.diagnosis.search.problem import refined, visit_interval_s
-from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.domain.core.types import Floats
+
+#: Amplitudes and forms less likely than this are left out of an interval.
+NEGLIGIBLE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +48,7 @@ def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Esti
     found = joint_coefficients(problem, problem.accepted, fitted)
     gap_s = visit_interval_s(problem.view)
     return problem, tuple(
-        Estimate(item, value, np.hypot(std, _std_from_form(problem, i, value, form, fitted)), _estimates(form), gap_s)
+        Estimate(item, value, _std(problem, i, value, std, form, fitted), _estimates(form), gap_s)
         for i, (item, (value, std), form) in enumerate(zip(problem.accepted, found, forms, strict=True))
     )
 
@@ -73,23 +77,54 @@ def joint_coefficients(
 ) -> list[tuple[Floats, Floats]]:
     """Coefficients and their standard deviations (groups, axes) of accepted causes."""
     joint = problem.with_accepted(items)
-    readings, _ = joint.readings(moving=joint.known.moving)
-    solved = solve(whitened(fitted.space.covariance, joint.known, readings))
+    solved = solve(_white(joint, fitted))
     found = (solved.at(place) for place in joint.places)
     return [(item.coefficient + step, std) for item, (step, std) in zip(items, found, strict=True)]
 
 
-def _std_from_form(
-    problem: ScoringProblem, i: int, value: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
+def _white(problem: ScoringProblem, fitted: FittedFloor) -> WhiteRows:
+    """All that is known and the readings under a floor."""
+    readings, _ = problem.readings(moving=problem.known.moving)
+    return whitened(fitted.space.covariance, problem.known, readings)
+
+
+def _std(
+    problem: ScoringProblem, i: int, value: Floats, std: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
 ) -> Floats:
-    """Standard deviation (groups, axes) that the uncertainty of the form adds to the coefficients of a cause."""
+    """Standard deviation (groups, axes) of a cause's coefficients about value: what is not known of their usual size,
+    which shrinks them, and of the form counts, too. std: where both are as estimated."""
     item = problem.accepted[i]
+    if item.candidate.effect is None or np.any(item.mean):
+        # Of a kernel, or of a cause that a model file states with deviations of its own.
+        return std
     bare = problem.without(i)
-    variance = np.zeros(value.shape)
+    at_best = _second_moment(bare, i, item, value, fitted)
+    variance = at_best.copy()
     for p in form:
-        for at, weight in zip(p.values, p.weights, strict=True):
-            moved = with_form_value(item.candidate, p.estimate.field, float(at), problem.view)
-            other = replace(item, candidate=moved, coefficient=np.zeros(value.shape))
-            items = [*problem.accepted[:i], other, *problem.accepted[i + 1 :]]
-            variance += weight * (joint_coefficients(bare, items, fitted)[i][0] - value) ** 2
+        moved = [with_form_value(item.candidate, p.estimate.field, float(at), problem.view) for at in p.values]
+        each = [
+            w * _second_moment(bare, i, replace(item, candidate=c), value, fitted)
+            for c, w in zip(moved, p.weights, strict=True)
+            if w > NEGLIGIBLE
+        ]
+        variance += np.maximum(np.sum(each, axis=0) - at_best, 0.0)
     return np.sqrt(variance)
+
+
+def _second_moment(bare: ScoringProblem, i: int, item: AcceptedCause, value: Floats, fitted: FittedFloor) -> Floats:
+    """Mean square (groups, axes) of the coefficients about value, over the amplitudes that the cause may have."""
+    candidate = item.candidate
+    own = score_bank(bare, [build_bank([candidate], bare.view.layout, moving=candidate.moving)], fitted.floor)
+    found = own.amplitudes(candidate, bare.view, item.hit)
+    most = max(candidate.usual_most, float(item.std.min()))
+    weights = np.exp(found.likelihood - found.likelihood.max())
+    weights /= weights.sum()
+    moment, white = np.zeros(value.shape), None
+    for spread, weight in zip(np.minimum(found.spread, most), weights, strict=True):
+        if weight > NEGLIGIBLE:
+            other = accept_candidate(candidate, item.hit, float(spread))
+            joint = bare.with_accepted([*bare.accepted[:i], other, *bare.accepted[i:]])
+            white = _white(joint, fitted) if white is None else with_priors(white, joint.known)
+            mean, std = solve(white).at(joint.places[i])
+            moment += weight * (std**2 + (mean - value) ** 2)
+    return moment

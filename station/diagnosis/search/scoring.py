@@ -118,6 +118,13 @@ class Scores(NamedTuple):
     fits: Floats
 
 
+class AmplitudeLikelihood(NamedTuple):
+    """Standard deviations (ρ) that a candidate's coefficients may have, and the log-likelihood (ρ) of each."""
+
+    spread: Floats
+    likelihood: Floats
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredBank:
     """Candidates under one floor: still ones see the stops' means, moving ones the contrasts too."""
@@ -151,18 +158,23 @@ class ScoredBank:
 
     def accept(self, candidate: Candidate, view: ResidualView, hit: NDArray[np.bool_] | None = None) -> AcceptedCause:
         """The candidate with its likeliest amplitude, and the groups that it likely hits, where they are not told."""
-        projected, found = self._of(candidate)
         hit = self.hit(candidate, view) if hit is None else hit
+        found = self.amplitudes(candidate, view, hit)
+        spread = float(found.spread[int(found.likelihood.argmax())])
+        return accept_candidate(candidate.plain or candidate, hit, spread)
+
+    def amplitudes(self, candidate: Candidate, view: ResidualView, hit: NDArray[np.bool_]) -> AmplitudeLikelihood:
+        """How likely each amplitude of a candidate is in the groups that it hits."""
+        projected, found = self._of(candidate)
         likelihood, taken = projected.likelihood(found), found.spectrum.logdet
         if found.spectrum.pattern == "scan":
             unit, place = candidate.where(view.layout)
             likelihood, taken = (x[unit[hit], place[hit]].sum(0) for x in (likelihood, taken))
-        i, dof = int(likelihood.argmax()), projected.readings.size.dof
-        # The scale of the floor that goes with the amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
-        rest = float(projected.readings.rest[0])
-        scale = rest / dof * float(np.exp(-2 * (likelihood[i] + 0.5 * taken[i]) / dof))
-        spread = float(np.sqrt(found.spectrum.ratios[i] / found.spectrum.mean * scale))
-        return accept_candidate(candidate.plain or candidate, hit, min(spread, candidate.most))
+        dof = projected.readings.size.dof
+        # The scale of the floor that goes with an amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
+        scale = float(projected.readings.rest[0]) / dof * np.exp(-2 * (likelihood + 0.5 * taken) / dof)
+        spread = np.sqrt(found.spectrum.ratios / found.spectrum.mean * scale)
+        return AmplitudeLikelihood(np.minimum(spread, candidate.most), likelihood)
 
     def shows(self, candidate: Candidate) -> bool:
         """Whether anything of a candidate is left beside all that is known."""

@@ -1,0 +1,67 @@
+"""The 95 % intervals of sizes hold the true ones, whatever else is estimated with them.
+
+The cause is known here: what its search would add is tried by the blind tests.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.results.estimate import estimate_causes
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
+from station.diagnosis.search.scoring import score_bank
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, World, hide
+from tests.blind.hidden import KNOWN
+from tests.blind.recipes import recipe
+
+SETS = 12
+
+
+@dataclass
+class Kept:
+    """Random numbers that remember the coefficients drawn last."""
+
+    of: Any
+    coefficients: Any = None
+
+    def amplitude(self, typical: float, shape: tuple[int, ...]) -> Any:
+        """Coefficients."""
+        self.coefficients = self.of.amplitude(typical, shape)
+        return self.coefficients
+
+    def uniform(self, low: float, high: float) -> float:
+        """A time constant's logarithm."""
+        return float(self.of.uniform(low, high))
+
+
+def _held(name: str, runs: int, seed: int, d: float) -> Any:
+    """Of each coefficient, whether its interval holds it, once the cause is known to be there."""
+    kept: list[Kept] = []
+
+    def hidden(w: World, rng: Any) -> Any:
+        kept[:] = [Kept(rng)]
+        return KNOWN[name](w, kept[0])  # type: ignore[arg-type]
+
+    table, _ = hide(recipe(runs), hidden, seed, floor=WHITE, d=d)
+    bare = initial_problem(reduce_samples(recipe(runs), table), FloorAllowance.of(recipe(runs), Model()))
+    (effect,) = (e for e in cause_library(recipe(runs)) if e.id == name)
+    shapes = [c for c in candidates(effect, bare.view) if c.of == effect.of[0]]
+    now = score_bank(bare, [build_bank(shapes, bare.view.layout, moving=shapes[0].moving)], bare.fit().floor)
+    best = now.candidates[int(now.readings().evidence[0].argmax())]
+    _, (found,) = estimate_causes(refined(bare.with_accepted([now.accept(best, bare.view)])))
+    return (np.abs(found.value - kept[0].coefficients) < 1.96 * found.std).mean()
+
+
+@pytest.mark.parametrize(("name", "runs", "d"), [("clamp-creep", 3, 12.0), ("group-offset", 2, 8.0)])
+def test_sizes_that_hang_on_what_is_hardly_known_are_covered(name: str, runs: int, d: float) -> None:
+    """A creep's time constant moves its amplitudes by a decade; the mean of two nests' offsets is each unit's, too,
+    and only three numbers say how large it may be. The sizes of a set are held, or missed, together: the share held
+    scatters from set to set by .11 (16 other sets), so the mean of twelve by .03."""
+    shares = np.array([_held(name, runs, 4100 + n, d) for n in range(SETS)])
+    assert shares.mean() > 0.95 - 2.3 * 0.03, shares
+    assert np.count_nonzero(shares < 0.6) <= 1, shares
