@@ -93,12 +93,14 @@ def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> TextTable:
     """A row for each axis of a unit."""
     unit = recipe.unit
     figures = (f"offset, {unit}", "± 95 %", "gain", "± 95 %", f"rms, {unit}", "worst tilt, deg")
-    heads = ("serial", "verdict", "axis", *figures)
-    rows = []
+    heads: tuple[str, ...] = ("serial", "verdict", "axis", *figures)
+    rows: list[tuple[str, ...]] = []
     for r in results:
         for i, axis in enumerate("xyz"[: recipe.axes]):
             head = (r.serial, _outcome(recipe, r)) if i == 0 else ("", "")
             rows.append((*head, axis, *_cells(r, i)))
+    if not any(row[-1] for row in rows):  # no pose is known, or no tilt
+        heads, rows = heads[:-1], [row[:-1] for row in rows]
     return TextTable(heads, rows, right=frozenset(range(3, len(heads))))
 
 
@@ -136,7 +138,7 @@ def _hardly_known(recipe: Recipe, r: CalibrationResult) -> Iterator[str]:
         unit = coefficients.unit_of(k, recipe.unit)
         message = Message(
             "coefficient-hardly-known", serial=r.serial, coefficient=coefficients.NAMES[k], u95=float(wide[k]),
-            unit="" if unit == "1" else unit, share=100 * float(share[k]),
+            unit="" if unit == "1" else f" {unit}", share=100 * float(share[k]),
         )  # fmt: skip
         yield render(message)
 

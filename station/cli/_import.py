@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 from station.cli import _output
 from station.config.recipes import load_recipe
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import columns, samples, still_files, understanding, unsigned, which_quantity
+from station.domain.recognition import (
+    columns,
+    interleaved,
+    samples,
+    still_files,
+    understanding,
+    unsigned,
+    which_quantity,
+)
 from station.domain.recognition.clock import TIME_UNITS
 from station.domain.recognition.quantities import QUANTITIES
 from station.domain.recognition.raw_table import ImportOptions, RawTable
@@ -109,12 +117,15 @@ def _check(options: ImportOptions) -> None:
 def _passes(path: Path, number: int, job: ImportJob, recipe: Recipe | None) -> list[UnitRecording]:
     """The passes of units in a file."""
     found = []
+    base = job.serial or path.stem
     for table in _chosen([unsigned.signed(t) for t in raw_tables(path, job.dbc)], job, recipe):
-        for serial, run, part in samples.by_unit_and_run(table):
-            if samples.is_samples_table(table) and not job.segmenting:
-                raise UsageError("samples-table-already", file=str(path))
-            name = serial or job.serial or path.stem
-            found.append(UnitRecording(name, number if job.runs else run, _understood(part, job, recipe)))
+        if samples.is_samples_table(table) and not job.segmenting:
+            raise UsageError("samples-table-already", file=str(path))
+        written = samples.by_unit_and_run(table)
+        sensors = [(f"{base}-{name}", 0, part) for name, part in interleaved.sensors(table)] if len(written) < 2 else []
+        for serial, run, part in sensors or written:
+            recording = _understood(part, job, recipe)
+            found.append(UnitRecording(serial or base, number if job.runs else run, recording))
     return found
 
 

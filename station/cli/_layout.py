@@ -63,6 +63,9 @@ class TextTable:
             return widths
         least = [max(map(len, head.split()), default=0) for head in self.heads]
         widths = [max(*both) for both in zip(least, cells, strict=True)]
+        rest = self._total(widths[1:], 1) + INDENT
+        if not self.words and self._total(widths, 1) > width >= rest:
+            return [widths[0], *self._roomier(widths, width + widths[0] - INDENT + 1)[1:]]
         spare = width - self._total([w for i, w in enumerate(widths) if i not in self.words], 1)
         share = spare // max(len(self.words), 1) - 1
         if share < LEAST_WORDS:  # words get a line of their own
@@ -80,6 +83,10 @@ class TextTable:
 
     def _parts(self, widths: list[int], gap: int, width: int | None) -> list[list[int]]:
         """Columns line by line."""
+        rest = self.indent + INDENT + sum(widths[1:]) + gap * (len(widths) - 2)
+        if width is not None and self._total(widths, gap) > width >= rest:
+            # A long name gets a line of its own, and the rest of its row stays one line.
+            return [[0], list(range(1, len(widths)))]
         parts, used = [[0]], self.indent + widths[0]
         for i in range(1, len(widths)):
             if width is not None and used + gap + widths[i] > width:

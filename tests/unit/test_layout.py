@@ -46,3 +46,13 @@ def test_the_heads_are_broken_where_one_line_is_too_long(width: int | None, heig
     lines = list(table.lines(width))
     assert len(lines) == height
     assert lines[-1].split() == ["rehearsal", "12", "10", "83.3", "%", "83.3", "%", "1", "1", "35.54"]
+
+
+def test_a_long_name_gets_a_line_of_its_own_and_the_rest_of_its_row_stays_one_line() -> None:
+    heads = ("serial", "verdict", "axis", "offset, g", "gain")
+    rows = [("recording-of-a-unit-with-a-very-long-name", "PASS", "x", "+0.02", "1.01"), ("", "", "y", "-0.01", "0.99")]
+    lines = list(TextTable(heads, rows, right=frozenset({3, 4})).lines(48))
+    assert lines[-3] == rows[0][0]
+    assert lines[-2].split() == list(rows[0][1:])
+    assert lines[-1].split() == list(rows[1][2:])
+    assert all(len(line) <= 48 for line in lines)

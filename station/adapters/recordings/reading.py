@@ -3,7 +3,7 @@
 import errno
 from pathlib import Path
 
-from station.adapters.recordings import limited, text
+from station.adapters.recordings import limited, other_programs, text
 from station.adapters.recordings.limits import MOST_BYTES
 from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError
@@ -40,4 +40,5 @@ def _read(path: Path, head: bytes) -> list[RawTable]:
         return limited.read(path, "arrays")
     if head.startswith((b"MATLAB", b"\x89HDF")) or (path.suffix.lower() == ".mat" and b"\0" in head):
         return limited.read(path, "matlab")
+    other_programs.check(path, head)
     return text.read(path)

@@ -214,9 +214,11 @@ def lines(found: Preflight, unit: str) -> Iterator[Message]:
     )  # fmt: skip
     if found.sheet.rate_hz:
         yield Message("preflight-rate", rate_hz=found.sheet.rate_hz, jitter_ms=1e3 * found.sheet.jitter_s)
-    yield Message("preflight-noise", noise=noise, lsb=lsb, unit=unit)
-    if found.inferred:
-        yield Message("preflight-inferred", names=found.inferred)
+        yield Message("preflight-noise", noise=noise, lsb=lsb, unit=unit)
+    else:
+        yield Message("preflight-single-readings", lsb=lsb, unit=unit)
+    if names := _told(found):
+        yield Message("preflight-inferred", names=names)
     if found.temperature_degC is not None:
         yield Message("preflight-temperature", low=found.temperature_degC[0], high=found.temperature_degC[1])
     yield from found.remarks
@@ -224,6 +226,13 @@ def lines(found: Preflight, unit: str) -> Iterator[Message]:
     yield from (one.reason for one in found.left_out[:shown])
     if len(found.left_out) > shown:
         yield Message("visits-left-out-more", count=len(found.left_out) - shown)
+
+
+def _told(found: Preflight) -> tuple[Message, ...]:
+    """The names of what no sheet states and the readings tell; single readings tell neither rate nor noise."""
+    names = {"rate_hz": "sheet-rate", "noise_density": "sheet-noise", "lsb": "sheet-steps"}
+    told = ("lsb",) if found.sheet.rate_hz is None else tuple(names)
+    return tuple(Message(names[key]) for key in names if key in found.inferred and key in told)
 
 
 def merge(parts: list[Preflight]) -> Preflight:

@@ -108,12 +108,17 @@ def _magnitude_spread(mean: Floats) -> float | None:
     """Relative spread of the magnitudes of visits (v, 3) about the ellipsoid that fits them best; None for few."""
     if len(mean) < 14:
         return None
-    y = mean / np.median(np.linalg.norm(mean, axis=1))
+    # About their own middle: no offset, however large, lies outside the ellipsoid then.
+    y = mean - mean.mean(axis=0)
+    y = y / np.median(np.linalg.norm(y, axis=1))
     i, j = np.triu_indices(3)
-    design = np.c_[y[:, i] * y[:, j], y]
-    found = np.linalg.lstsq(design, np.ones(len(y)), rcond=None)[0]
-    # The form is 1 on the ellipsoid and grows with the square of the distance from its middle.
-    return float(np.median(np.abs(design @ found - 1)) * 1.4826 / 2)
+    found = np.linalg.lstsq(np.c_[y[:, i] * y[:, j], y], np.ones(len(y)), rcond=None)[0]
+    form = np.zeros((3, 3))
+    form[i, j] = found[:6]
+    form = (form + form.T) / 2
+    slope = np.linalg.norm(2 * y @ form + found[6:], axis=1)
+    off = np.abs(((y @ form + found[6:]) * y).sum(axis=1) - 1) / np.maximum(slope, 1e-300)
+    return float(np.median(off) * 1.4826)
 
 
 def remarks(

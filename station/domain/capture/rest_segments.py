@@ -159,7 +159,8 @@ def _window(time_s: Floats) -> int:
     window = max(round(WINDOW_S / step), MIN_READINGS) if step > 0 else 0
     if window == 0 or len(time_s) < 4 * window:
         least_s = 4 * max(WINDOW_S, MIN_READINGS * step)
-        raise SamplesError("recording-too-short", readings=len(time_s), least_s=least_s)
+        lasts_s = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
+        raise SamplesError("recording-too-short", readings=len(time_s), lasts_s=lasts_s, least_s=least_s)
     return window
 
 

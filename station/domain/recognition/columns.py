@@ -8,7 +8,14 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition.quantities import QUANTITIES, Quantity, canonical, from_magnitude
+from station.domain.recognition.quantities import (
+    QUANTITIES,
+    Quantity,
+    canonical,
+    from_magnitude,
+    is_converter_middle,
+    sphere,
+)
 from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
 from station.errors import SamplesError, UsageError
 
@@ -34,18 +41,23 @@ MOST_LABELS, LEAST_LASTING = 2000, 8
 LEAST_TURN = 0.2
 
 
+#: Places of the columns that are x, y, z.
+Axes = tuple[int, int, int]
+
+
 @dataclass(frozen=True, slots=True)
 class Roles:
     """Places of the columns: axes (3), time, counter, temperature, labels or None; inferred: axes by content; rank: how
-    well their names fit, 0 best."""
+    well their names fit, 0 best; others: axes whose names fit as well."""
 
-    axes: tuple[int, int, int]
+    axes: Axes
     time: int | None
     counter: int | None
     temperature: int | None
     labels: int | None
     inferred: bool
     rank: int
+    others: tuple[Axes, ...] = ()
 
 
 def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles:
@@ -69,14 +81,15 @@ def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles
         temperature = _temperature(table, {*given, time, counter, label})
     if label is None and options.blocks is None and options.find_labels:
         label = _labels(table, {*given, time, counter, temperature})
+    others: tuple[Axes, ...] = ()
     if given:
         axes, inferred, rank = (given[-3], given[-2], given[-1]), False, 0
     else:
-        axes, inferred, rank = _axes(table, quantity, {time, counter, temperature, label})
+        axes, inferred, rank, others = _axes(table, quantity, {time, counter, temperature, label})
     for place in (*axes, time, temperature):
         if place is not None and table.columns[place].values is None:
             raise SamplesError("column-is-text", file=table.source, column=table.columns[place].name)
-    return Roles(axes, time, counter, temperature, label, inferred, rank)
+    return Roles(axes, time, counter, temperature, label, inferred, rank, others)
 
 
 def place_of(table: RawTable, name: str) -> int:
@@ -96,14 +109,17 @@ def place_of(table: RawTable, name: str) -> int:
     raise SamplesError("column-name-unknown", file=table.source, column=name, nearest=near[0], known=listed)
 
 
-def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tuple[tuple[int, int, int], bool, int]:
-    """Three columns, whether their content chose them, and the rank of their names."""
+def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tuple[Axes, bool, int, tuple[Axes, ...]]:
+    """Three columns, whether their content chose them, the rank of their names, and others of that rank."""
     triples = _triples(table, assigned) if table.named else []
     ranked = sorted(triples, key=lambda t: _rank(t[0], quantity))
     if ranked and _rank(ranked[0][0], quantity) < FOREIGN:
         rank = _rank(ranked[0][0], quantity)
         best = [t[1] for t in ranked if _rank(t[0], quantity) == rank]
-        return (best[0], False, rank) if len(best) == 1 else (_by_content(table, best, quantity), True, rank)
+        if len(best) == 1:
+            return best[0], False, rank, ()
+        chosen = _by_content(table, best, quantity)
+        return chosen, True, rank, tuple(b for b in best if not set(b) & set(chosen))
     if ranked:
         raise SamplesError(
             "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
@@ -114,10 +130,10 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
     runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]
     if len(free) > 3 and len(free) % 3 == 0:
         runs = runs[::3]
-    return (runs[0] if len(runs) == 1 else _by_content(table, runs, quantity)), True, BY_CONTENT
+    return (runs[0] if len(runs) == 1 else _by_content(table, runs, quantity)), True, BY_CONTENT, ()
 
 
-def _names(table: RawTable, places: tuple[int, int, int]) -> str:
+def _names(table: RawTable, places: Axes) -> str:
     return ", ".join(table.columns[i].name for i in places)
 
 
@@ -132,7 +148,7 @@ def _rank(stem: str, quantity: Quantity) -> int:
     return NAMELESS + derived
 
 
-def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, tuple[int, int, int]]]:
+def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, Axes]]:
     """Columns whose names differ by x, y, z alone, or by three numbers: what is common to them, and their places."""
     groups: dict[tuple[str, str], dict[str, int]] = {}
     for place in table.numeric():
@@ -153,7 +169,7 @@ def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, tupl
     return found
 
 
-def _by_content(table: RawTable, candidates: list[tuple[int, int, int]], quantity: Quantity) -> tuple[int, int, int]:
+def _by_content(table: RawTable, candidates: list[Axes], quantity: Quantity) -> Axes:
     """Of several triples the one that turns, in a magnitude of a known unit, the steadiest at rest; or, for a turn
     rate, the one whose magnitude is the least steady."""
     readings = [np.stack([table.numbers(i) for i in c], axis=1) for c in candidates]
@@ -167,7 +183,11 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     number is near; its relative spread."""
     means, spread = _means_and_spread(reading)
     size = float(np.median(np.linalg.norm(means, axis=1)))
-    turns = bool(np.linalg.norm(means.std(axis=0)) > LEAST_TURN * size)
+    # From rest to rest: a turn rate at rest is the same again, however it was turned between.
+    scatter = np.linalg.norm(_stretches(reading).std(axis=1), axis=1)
+    quiet = scatter <= np.median(scatter)
+    turn = float(np.linalg.norm(means[quiet].std(axis=0)))
+    turns = turn > max(LEAST_TURN * size, float(np.median(scatter)))
     whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
     if not turns or not np.isfinite(spread):
         return True, 1, spread
@@ -175,12 +195,19 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     return False, int(not known), spread
 
 
+def _stretches(reading: Floats) -> Floats:
+    """Readings (n, 3) in short stretches (k, rows, 3)."""
+    rows = max(len(reading) // 200, 1)
+    return np.asarray(np.nan_to_num(reading[: len(reading) // rows * rows]).reshape(-1, rows, 3))
+
+
 def _means_and_spread(reading: Floats) -> tuple[Floats, float]:
     """Means (k, 3) over short stretches of readings (n, 3), and the relative spread of their magnitudes; endless where
     nothing varies."""
-    rows = max(len(reading) // 200, 1)
-    usable = reading[: len(reading) // rows * rows]
-    means = np.asarray(np.nan_to_num(usable).reshape(-1, rows, 3).mean(axis=1))
+    means = _stretches(reading).mean(axis=1)
+    centre, radius = sphere(means)
+    if is_converter_middle(centre, radius):
+        means = means - centre
     size = np.linalg.norm(means, axis=1)
     middle = float(np.median(size))
     alive = bool((np.ptp(np.nan_to_num(reading), axis=0) > 0).all())
@@ -277,7 +304,7 @@ def _marks_parts(codes: Array) -> bool:
     return bool(0 < changes < min(MOST_LABELS, len(codes) / LEAST_LASTING))
 
 
-def stated_unit(table: RawTable, axes: tuple[int, int, int], quantity: Quantity) -> str | None:
+def stated_unit(table: RawTable, axes: Axes, quantity: Quantity) -> str | None:
     """The unit that the headers of the axes state; None where they state none, or no unit of this quantity."""
     columns = [table.columns[i] for i in axes]
     units = {canonical(c.unit, quantity) for c in columns if c.unit}

@@ -14,6 +14,14 @@ STANDARD_GRAVITY = 9.80665
 SPREAD = 0.25
 #: Counts of a converter lie this near to a power of two a g.
 COUNTS_SPREAD = 0.12
+#: Numbers that are no whole ones are means of counts, if they are as large as this.
+LEAST_COUNTS = 100
+#: A centre this many radii away is no offset of a sensor.
+FAR_OFF = 2.0
+#: A usual field of the Earth, for counts of a compass that nothing else scales, uT.
+USUAL_FIELD_UT = 50.0
+#: Units that readings are told to be in by their size; the others are rare, and have to be named.
+USUAL_UNITS = ("g", "m/s²", "mg", "uT", "nT", "mT", "T", "gauss", "mgauss")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +133,25 @@ def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitSca
     if quantity.sizes is None or not len(means):
         return UnitScale(quantity.unit, 1.0)
     centre, radius = sphere(means)
-    low, high = (quantity.sizes[0] * (1 - SPREAD), quantity.sizes[1] * (1 + SPREAD))
-    fits = [(unit, factor) for unit, factor in quantity.factors.items() if low <= radius * factor <= high]
-    off_centre = float(np.abs(centre).max()) > 2 * radius
-    if fits and not off_centre and not (whole and _counts(radius) and radius > 100):
-        return UnitScale(*fits[0])
-    if quantity.sizes[0] != quantity.sizes[1]:
+    if not radius > 0:
         return UnitScale(quantity.unit, 1.0)
-    bits = _counts(radius)
+    low, high = (quantity.sizes[0] * (1 - SPREAD), quantity.sizes[1] * (1 + SPREAD))
+    usual = [(unit, factor) for unit, factor in quantity.factors.items() if unit in USUAL_UNITS]
+    fits = [(unit, factor) for unit, factor in usual if low <= radius * factor <= high]
+    if quantity.unit == "uT":
+        # A compass lies off its centre by any hard iron, and its counts are of no known size.
+        return UnitScale(*fits[0]) if fits else UnitScale("LSB", USUAL_FIELD_UT / radius, exact=False)
+    off_centre = float(np.abs(centre).max()) > FAR_OFF * radius
+    if fits and not off_centre and not (whole and _counts(radius) and radius > LEAST_COUNTS):
+        return UnitScale(*fits[0])
+    bits = _counts(radius) if whole or radius > LEAST_COUNTS else 0
     zero = float(2 ** round(np.log2(np.abs(np.median(centre))))) if off_centre and np.median(centre) > 0 else 0.0
     return UnitScale("LSB", 1 / (bits or radius), zero, exact=bool(bits))
+
+
+def is_converter_middle(centre: Floats, radius: float) -> bool:
+    """Whether a centre (3) is the middle of a converter's range: one large number for all axes."""
+    return bool(np.median(centre) > FAR_OFF * radius and np.ptp(centre) < radius and np.median(centre) > LEAST_COUNTS)
 
 
 def _counts(radius: float) -> int:

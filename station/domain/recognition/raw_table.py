@@ -1,8 +1,9 @@
 """A table that nobody has made for this station: named columns of numbers or text, and what was asked about them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats, Labels
 from station.messages import Message
@@ -17,6 +18,10 @@ class RawColumn:
     values: Array | None
     text: Labels | None = None
     unit: str = ""
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> "RawColumn":
+        values = None if self.values is None else self.values[rows]
+        return replace(self, values=values, text=None if self.text is None else self.text[rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +38,9 @@ class RawTable:
     def __len__(self) -> int:
         first = self.columns[0]
         return len(first.values if first.values is not None else first.text.code if first.text is not None else ())
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> "RawTable":
+        return replace(self, columns=tuple(column[rows] for column in self.columns))
 
     def numeric(self) -> list[int]:
         """Places of the columns that hold numbers."""

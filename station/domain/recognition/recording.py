@@ -75,8 +75,16 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         clock=ticks,
         scale=scale,
         unit=unit,
-        remarks=(*table.remarks, *remarks, *lost, *_unread(table, roles, ticks)),
+        remarks=(*table.remarks, *remarks, *lost, *_unread(table, roles, ticks), *_others(table, roles)),
     )
+
+
+def _others(table: RawTable, roles: Roles) -> tuple[Message, ...]:
+    """What is said of axes that could have been taken as well."""
+    if not roles.others:
+        return ()
+    names = tuple(", ".join(table.columns[i].name for i in axes) for axes in roles.others)
+    return (Message("axes-of-others", file=table.source, axes=names),)
 
 
 def _unread(table: RawTable, roles: Roles, ticks: SampleClock) -> tuple[Message, ...]:

@@ -1,7 +1,7 @@
 """Recordings → a samples table: their visits, found or declared, and the names of the positions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import visits
-from station.domain.recognition.raw_table import RawColumn, RawTable
+from station.domain.recognition.raw_table import RawTable
 from station.domain.recognition.recording import Recording
 from station.errors import SamplesError, UsageError
 from station.messages import Message
@@ -26,6 +26,8 @@ LEAST_GRAVITY_G = 0.3
 WILD = 0.2
 #: Without stamps the rate may be so many times slower; believed where so many times more orientations rest then.
 SLOWER, MANY_MORE = (2.0, 4.0), 1.4
+#: Neighbours nearer than this, g, are no poses of a list but a turn that was read on its way.
+IN_MOTION_G = 0.1
 #: Readings that are a pose each: more than so many tell no more.
 MOST_POSES = 500
 #: Runs are counted in 32 bits.
@@ -80,17 +82,7 @@ def by_unit_and_run(table: RawTable) -> list[tuple[str | None, int, RawTable]]:
 
 
 def _rows(table: RawTable, rows: NDArray[np.intp]) -> RawTable:
-    columns = tuple(
-        RawColumn(
-            c.name,
-            None if c.values is None else c.values[rows],
-            None if c.text is None else c.text[rows],
-            c.unit,
-        )
-        for c in table.columns
-        if c.name not in ("unit", "run")
-    )
-    return RawTable(table.source, columns, table.named, table.rate_hz, table.remarks)
+    return replace(table, columns=tuple(c[rows] for c in table.columns if c.name not in ("unit", "run")))
 
 
 def visits_of(recording: Recording, recipe: Recipe | None, *, one_rest: bool = False) -> Visits:
@@ -110,13 +102,21 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
         edges = _rest(recording)
         if not (one_rest and len(edges) == 1):
             _check_tumble(recording, edges)
+        if _swept(recording, edges):
+            return _a_reading_each(recording)
     except SamplesError:
         # Gravity shows in a reading only while the hand rests; a magnetometer's field does at any time.
-        listed = recording.clock.unit == "none" or recording.unit == "uT"
+        listed = recording.unit == "uT" or (recording.clock.unit == "none" and recording.unit != "deg/s")
         if not listed or not visits.is_pose_each(recording.reading):
             raise
         return _a_reading_each(recording)
     return Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
+
+
+def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:
+    """Whether a compass was turned all round with a stop here and there: motion does not spoil its readings."""
+    rests = float((edges[:, 1] - edges[:, 0]).sum()) >= LEAST_REST * len(recording)
+    return recording.unit == "uT" and not rests and visits.is_pose_each(recording.reading)
 
 
 def _a_reading_each(recording: Recording) -> Visits:
@@ -125,7 +125,11 @@ def _a_reading_each(recording: Recording) -> Visits:
     edges = visits.blocks(recording.source, len(recording), 1)[::each]
     note = Message("readings-thinned", file=recording.source, readings=len(recording), each=each, visits=len(edges))
     names = tuple(f"reading-{i + 1:03d}" for i in range(len(edges)))
-    return Visits(edges, names, "readings", (note,) if each > 1 else ())
+    remarks = [note] if each > 1 else []
+    step = np.linalg.norm(np.diff(recording.reading, axis=0), axis=1)
+    if recording.unit == "g" and float(np.median(step)) < IN_MOTION_G:
+        remarks.append(Message("readings-in-motion", file=recording.source))
+    return Visits(edges, names, "readings", tuple(remarks))
 
 
 def _rest(recording: Recording) -> NDArray[np.int64]:

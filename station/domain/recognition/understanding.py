@@ -8,6 +8,8 @@ import numpy as np
 from station.domain.capture import rest_segments
 from station.domain.core.types import Array, Floats
 from station.domain.recognition import sheet
+from station.domain.recognition.columns import LEAST_TURN
+from station.domain.recognition.quantities import USUAL_FIELD_UT, sphere
 from station.domain.recognition.recording import Recording
 from station.domain.recognition.samples import UnitRecording, Visits
 from station.messages import Message
@@ -44,7 +46,7 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
         "restarts": r.clock.restarts,
         "visits": 0 if visits is None else len(visits.edges),
         "visits_by": None if visits is None else visits.found_by,
-        "poses": None if visits is None else _poses(means),
+        "poses": None if visits is None else _poses(means, r.unit),
         "magnitude": {"median": float(np.median(size)), "least": float(size.min()), "greatest": float(size.max())},
         "noise": found.noise.tolist(),
         "lsb": found.lsb.tolist(),
@@ -64,8 +66,11 @@ def _quiet_seconds(r: Recording) -> Array:
     return np.asarray(edges[scatter <= np.median(scatter)])
 
 
-def _poses(means: Floats) -> int:
-    return int(rest_segments.orientations(means).max(initial=-1)) + 1
+def _poses(means: Floats, unit: str) -> int:
+    """Orientations; about the middle of the readings where an offset may be larger than what is measured."""
+    wide = unit != "deg/s" and np.ptp(means, axis=0).max() > LEAST_TURN * np.median(np.linalg.norm(means, axis=1))
+    centre = sphere(means)[0] if wide else np.zeros(3)
+    return int(rest_segments.orientations(means - centre).max(initial=-1)) + 1
 
 
 def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:
@@ -101,16 +106,20 @@ def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Me
         key = f"visits-by-{facts['visits_by']}"
         yield Message("understood-visits", visits=facts["visits"], how=Message(key), poses=facts["poses"])
     size = facts["magnitude"]
+    single = facts["visits_by"] == "readings"
     yield Message(
-        "understood-magnitude", median=size["median"], least=size["least"], greatest=size["greatest"],
-        unit=facts["reading_unit"],
+        "understood-size" if single else "understood-magnitude", median=size["median"], least=size["least"],
+        greatest=size["greatest"], unit=facts["reading_unit"],
     )  # fmt: skip
-    yield Message(
-        "understood-noise",
-        noise=_three(facts["noise"]),
-        lsb=_three(facts["lsb"]),
-        unit=facts["reading_unit"],
-    )
+    if single:
+        yield Message("understood-steps", lsb=_three(facts["lsb"]), unit=facts["reading_unit"])
+    else:
+        yield Message(
+            "understood-noise",
+            noise=_three(facts["noise"]),
+            lsb=_three(facts["lsb"]),
+            unit=facts["reading_unit"],
+        )
     if facts["full_scale"] is not None:
         yield Message("understood-full-scale", full_scale=facts["full_scale"], unit=facts["reading_unit"])
     if facts["temperature_degC"] is not None:
@@ -120,6 +129,13 @@ def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Me
 
 
 def _unit_message(facts: dict[str, Any], how: Message) -> Message:
+    if facts["reading_unit"] == "deg/s" and "unit" in facts["inferred"]:
+        return Message("understood-rate-unit")
+    counts = 1 / facts["scale"] if facts["raw_unit"] == "LSB" else 1.0
+    if not float(np.log2(abs(counts))).is_integer():
+        # No converter has so many counts: they are what makes the magnitude right.
+        size = USUAL_FIELD_UT if facts["reading_unit"] == "uT" else 1.0
+        return Message("understood-by-size", counts=counts, unit=facts["reading_unit"], size=size, zero=facts["zero"])
     if facts["zero"]:
         return Message(
             "understood-counts",

@@ -9,6 +9,9 @@ from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.messages import Message
 
 BITS = (8, 10, 12, 14, 16, 20, 24, 32)
+#: Neighbours that are farther apart than this share of the range wrapped; so many show that a column wraps, if
+#: so many times more readings are at the ends of the range than in its middle.
+WRAP, LEAST_WRAPS, MORE_AT_ENDS = 0.75, 5, 5
 #: Readings about zero leave this middle part of the range empty, whatever their scale, and lie on either side of it.
 EMPTY, LEAST_SHARE = (0.375, 0.625), 0.005
 
@@ -26,9 +29,11 @@ def signed(table: RawTable) -> RawTable:
 
 def _column(column: RawColumn, span: float) -> RawColumn:
     values = _counts(column.values)
-    if values is None or _never_falls(values) or values.max() >= span or _in_middle(values, span):
+    if values is None or _never_falls(values) or values.max() >= span:
         return column
-    return replace(column, values=np.where(values > EMPTY[1] * span, values - span, values))
+    if _in_middle(values, span) and not _wraps(values, span):
+        return column
+    return replace(column, values=np.where(values >= span / 2, values - span, values))
 
 
 def _bits(values: Array | None) -> int:
@@ -39,8 +44,17 @@ def _bits(values: Array | None) -> int:
     bits = next((b for b in BITS if counts.max() < 2**b), 0)
     span = float(2**bits)
     low, high = np.mean(counts < EMPTY[0] * span), np.mean(counts > EMPTY[1] * span)
-    wraps = bits and min(low, high) > LEAST_SHARE and not _in_middle(counts, span)
-    return bits if wraps else 0
+    apart = bits and min(low, high) > LEAST_SHARE and not _in_middle(counts, span)
+    return bits if apart or (bits and _wraps(counts, span)) else 0
+
+
+def _wraps(counts: Floats, span: float) -> bool:
+    """Whether counts (n) jump from one end of the range to the other and back, as those about zero do, and few lie
+    about the middle, where the sign changes."""
+    jumps = int(np.count_nonzero(np.abs(np.diff(counts)) > WRAP * span))
+    ends = np.count_nonzero(np.minimum(counts, span - counts) < span / 16)
+    middle = np.count_nonzero(np.abs(counts - span / 2) < span / 32)
+    return bool(jumps >= LEAST_WRAPS and ends > MORE_AT_ENDS * middle)
 
 
 def _counts(values: Array | None) -> Floats | None:

@@ -5,9 +5,9 @@ import re
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recognition import columns
+from station.domain.recognition import columns, visits
 from station.domain.recognition.columns import Roles
-from station.domain.recognition.quantities import QUANTITIES, from_magnitude, sphere
+from station.domain.recognition.quantities import QUANTITIES, from_magnitude, is_converter_middle, sphere
 from station.domain.recognition.raw_table import ImportOptions, RawTable
 from station.errors import SamplesError
 
@@ -48,11 +48,20 @@ def _in_name(source: str, word: str) -> bool:
 def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
     """Whether readings are of no acceleration's size, or too far off its centre, and of a magnetic field's size."""
     reading = _reading(table, found["uT"].axes)
-    if bool(np.all(reading[:1000] % 1 == 0)) or ("g" in found and _like_gravity(table, found["g"])):
+    if "g" in found and _like_gravity(table, found["g"]):
         return False
+    means = _means(reading)
+    centre, size = sphere(means)
+    if bool(np.all(reading[:1000] % 1 == 0)):
+        return visits.is_pose_each(means) and _is_hard_iron(centre, size)
     low, high = QUANTITIES["uT"].sizes or (0.0, 0.0)
-    size = sphere(_means(reading))[1]
     return any(low <= size * factor <= high for factor in QUANTITIES["uT"].factors.values())
+
+
+def _is_hard_iron(centre: Floats, size: float) -> bool:
+    """Whether counts lie off their centre by more than an accelerometer does, and not by the middle of a converter's
+    range, which is one for all axes."""
+    return float(np.linalg.norm(centre)) > MOST_OFFSET * size and not is_converter_middle(centre, size)
 
 
 def _like_gravity(table: RawTable, roles: Roles) -> bool:

@@ -1,0 +1,31 @@
+"""Recordings that other programs write in forms of their own: recognised by how they begin, to be exported first."""
+
+from pathlib import Path
+
+from station.errors import SamplesError
+from station.messages import Message
+
+#: How a file begins, what it is, and what to do.
+_BEGINNINGS: tuple[tuple[bytes, str, str], ...] = (
+    (b"#ROSBAG", "kind-ros-bag", "remedy-topic-csv"),
+    (b"\x89MCAP", "kind-mcap", "remedy-topic-csv"),
+    (b"SQLite format 3\0", "kind-sqlite", "remedy-topic-csv"),
+    (b"PK\x03\x04", "kind-spreadsheet", "remedy-save-csv"),
+    (b"\xd0\xcf\x11\xe0", "kind-old-spreadsheet", "remedy-save-csv"),
+    (b"ULog\x01\x12\x35", "kind-ulog", "remedy-ulog"),
+    (b"\xa3\x95\x80", "kind-dataflash", "remedy-dataflash"),
+    (b"\x1f\x8b", "kind-compressed", "remedy-unpack"),
+    (b"BZh", "kind-compressed", "remedy-unpack"),
+    (b"\xfd7zXZ", "kind-compressed", "remedy-unpack"),
+    (b"\x28\xb5\x2f\xfd", "kind-compressed", "remedy-unpack"),
+    (b"7z\xbc\xaf", "kind-archive", "remedy-unpack"),
+    (b"Rar!", "kind-archive", "remedy-unpack"),
+    (b"%PDF-", "kind-document", "remedy-export"),
+)
+
+
+def check(path: Path, head: bytes) -> None:
+    """head: how the file begins. Errors: SamplesError where that tells a form that is not read."""
+    for beginning, kind, remedy in _BEGINNINGS:
+        if head.startswith(beginning):
+            raise SamplesError("recording-of-other-program", file=str(path), kind=Message(kind), remedy=Message(remedy))

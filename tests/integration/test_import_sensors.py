@@ -1,0 +1,199 @@
+"""Which sensor a file holds, and how many: counts of compasses, sensors in turn, converters, other programs' forms."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from station.domain.core.types import Floats
+from tests.fakes.command import captured, station
+from tests.integration.test_import import check, tumble, understood
+from tests.integration.test_import_shapes import sphere
+
+Capture = pytest.CaptureFixture[str]
+
+
+def swept(rng: np.random.Generator, readings: int = 1500) -> Floats:
+    """Directions (n, 3) on a slow way all round."""
+    way = np.cumsum(rng.standard_normal((readings, 3)), axis=0)
+    turn = 0.05 * np.arange(readings)
+    tilt = np.linspace(-1.5, 1.5, readings)
+    along = np.stack([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)], axis=1)
+    noisy = along + 1e-4 * (way - way.mean(axis=0))
+    return np.asarray(noisy / np.linalg.norm(noisy, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize(("size", "iron"), [(540.0, (160, -20, -420)), (3400.0, (-800, 2200, -900))])
+def test_counts_far_off_their_centre_are_a_compass(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, size: float, iron: tuple[int, int, int]
+) -> None:
+    path = tmp_path / "sensor_data.txt"
+    np.savetxt(path, np.round(sphere(rng, 300) * size + iron + rng.normal(0, 4, (300, 3))), fmt="%d", delimiter=" ")
+    one = understood(capsys, str(path))
+    check(one, reading_unit="uT", visits=300, visits_by="readings")
+    assert one["poses"] > 40  # about their centre
+    field = size * one["scale"]
+    assert 20 < field < 90
+
+
+def test_a_compass_of_unknown_counts_is_said_to_be_scaled_by_an_assumption(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / "mag.csv"
+    np.savetxt(path, np.round(sphere(rng, 300) * 3400 + [900, -800, 400]), fmt="%d", delimiter=",")
+    assert station("import", path) == 0
+    said = capsys.readouterr().out
+    assert "which makes the magnitude 50 uT" in said.replace("\n    ", " ")
+
+
+@pytest.mark.parametrize("iron", [0.9, 1.0, 1.02, 3.0])
+def test_a_compass_with_any_hard_iron_is_calibrated(rng: np.random.Generator, tmp_path: Path, iron: float) -> None:
+    """Where the offset is as large as the field, zero lies on the ellipsoid itself."""
+    offset = np.array([2.0, -1.0, 2.0]) / 3 * 48 * iron
+    path, out = tmp_path / "mag.csv", tmp_path / "mag.parquet"
+    readings = sphere(rng, 260) * 48 @ np.diag([1.05, 0.97, 1.0]) + offset + rng.normal(0, 0.4, (260, 3))
+    np.savetxt(path, readings, "%.3f", ",", header="mx,my,mz", comments="")
+    assert captured("import", path, "--out", out).returncode == 0
+    answer = tmp_path / "answer.json"
+    done = captured("calibrate", "--samples", out, "--recipe", "magnetometer-hand-held", "--json", answer)
+    assert (done.returncode, done.stderr) == (0, "")
+    (unit,) = json.loads(answer.read_text())["units"]
+    assert unit["offset"] == pytest.approx(offset, abs=0.5)
+
+
+def test_a_compass_turned_all_round_with_few_stops_gives_a_visit_a_reading(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    way = swept(rng)
+    still = np.repeat(way[[0, 700]], 150, axis=0)
+    y = np.concatenate([still[:150], way, still[150:]]) * 47 + rng.normal(0, 0.2, (1800, 3)) + [9, -4, 3]
+    path = tmp_path / "compass.csv"
+    np.savetxt(path, np.c_[np.arange(1800) / 100, y], "%.3f", ",", header="t,mx,my,mz", comments="")
+    check(understood(capsys, str(path)), visits_by="readings", reading_unit="uT")
+
+
+def test_an_accelerometer_read_while_it_is_turned_is_remarked(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / "acc.csv"
+    np.savetxt(path, swept(rng) * 9.8 + rng.normal(0, 0.2, (1500, 3)), "%.3f", ",", header="ax,ay,az", comments="")
+    one = understood(capsys, str(path))
+    check(one, visits_by="readings", raw_unit="m/s²")
+    assert "readings-in-motion" in [r["id"] for r in one["remarks"]]
+
+
+def test_sensors_that_take_turns_are_units(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    y = tumble(rng)
+    turned = [y, y[:, [1, 2, 0]] * [1, -1, -1], y[:, [2, 0, 1]]]
+    rows = [(i / 100, k, *own[i] + 0.01 * k) for i in range(len(y)) for k, own in zip((0, 2, 7), turned, strict=True)]
+    path, out = tmp_path / "glove.csv", tmp_path / "glove.parquet"
+    np.savetxt(path, np.array(rows), ["%.2f", "%d", "%.5f", "%.5f", "%.5f"], ",")
+    assert station("import", path, "--json", "--out", out) == 0
+    found = json.loads(capsys.readouterr().out)["recordings"]
+    assert [(one["unit"], one["visits"], one["poses"]) for one in found] == [(f"glove-{k}", 8, 8) for k in (0, 2, 7)]
+
+
+def test_a_counter_that_goes_round_tells_no_sensors(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    y = tumble(rng)
+    path = tmp_path / "counted.csv"
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, np.arange(len(y)) % 16, y], "%.5f", ",")
+    check(understood(capsys, str(path), "--columns", "0,2,3,4"), unit="counted", visits=8)
+
+
+def test_poses_that_come_round_again_are_no_sensors(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """Six faces, one reading each, twenty times over: the number of the face is no sensor's."""
+    face = np.tile(np.arange(6), 20)
+    y = np.concatenate([np.eye(3), -np.eye(3)])[face] * 1.01 + 0.02 + 0.002 * rng.standard_normal((120, 3))
+    path = tmp_path / "faces.csv"
+    np.savetxt(path, np.c_[face, y], ["%d", "%.5f", "%.5f", "%.5f"], ",", header="face,ax,ay,az", comments="")
+    done = captured("import", path, "--json", "--blocks", "1")
+    assert done.returncode == 0, done.stderr
+    assert len(json.loads(done.stdout)["recordings"]) == 1
+
+
+def test_counts_that_wrap_below_zero_are_signed_though_some_axis_reaches_the_middle(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = tumble(rng) + np.array([0.01, -0.02, 0.48])
+    path = tmp_path / "raw.txt"
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, np.round(y * 16384) % 65536], "%.6g", "\t")
+    one = understood(capsys, str(path), "--zero", "0", "--scale", str(1 / 16384))
+    check(one, visits=8, poses=8)
+    assert "counts-unsigned" in [r["id"] for r in one["remarks"]]
+    assert one["magnitude"]["greatest"] < 1.6
+
+
+def test_a_turn_rate_is_not_taken_for_gravity_in_counts(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """An accelerometer's offset makes its magnitude less steady than that of a gyroscope with an offset, at rest."""
+    y = tumble(rng)
+    turn = 40 * np.gradient(y, axis=0) * 131 + [330, -12, -160] + rng.normal(0, 5, y.shape)
+    acceleration = np.round((y + np.array([0, 0, 0.45])) * 16384)
+    path = tmp_path / "imu.txt"
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, acceleration, np.round(turn)], "%.6g", "\t")
+    check(understood(capsys, str(path)), axes=["column 1", "column 2", "column 3"], visits=8)
+
+
+def test_counts_about_the_middle_of_a_converter_are_found_beside_a_compass(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    poses = sphere(rng, 60)
+    field = sphere(rng, 60) * 800 + [2110, 2135, 1890] + rng.normal(0, 25, (60, 3))
+    rows = np.c_[24800 + rng.normal(0, 15, (60, 3)), poses * 6600 + 32768 + rng.normal(0, 30, (60, 3)), field]
+    path = tmp_path / "poses.csv"
+    np.savetxt(path, np.round(rows), fmt="%d", delimiter=",")
+    check(understood(capsys, str(path)), axes=["column 3", "column 4", "column 5"], zero=32768.0, reading_unit="g")
+
+
+def test_other_axes_of_the_same_kind_are_named(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    y = tumble(rng)
+    path = tmp_path / "two.csv"
+    head = "t," + ",".join(f"acc{k}_{a}" for k in (1, 2) for a in "xyz")
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y, y[:, [1, 0, 2]]], "%.5f", ",", header=head, comments="")
+    (remark,) = understood(capsys, str(path))["remarks"]
+    assert remark["id"] == "axes-of-others"
+
+
+def test_numbers_of_no_unit_are_not_called_counts(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "acc.csv"
+    np.savetxt(path, sphere(rng, 80) * 19.3 + 0.1, "%.6f", ",", header="acc_x,acc_y,acc_z", comments="")
+    assert station("import", path) == 0
+    assert "unknown; 19." in capsys.readouterr().out
+
+
+def test_a_list_of_turn_rates_is_no_list_of_poses(rng: np.random.Generator, tmp_path: Path) -> None:
+    path = tmp_path / "gyro.csv"
+    np.savetxt(path, np.round(sphere(rng, 160) * 800 + 2000), fmt="%d", delimiter=",")
+    assert captured("import", path).returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("beginning", "said"),
+    [
+        (b"#ROSBAG V2.0\n", "a ROS bag"),
+        (b"\x89MCAP0\r\n", "an MCAP recording"),
+        (b"SQLite format 3\0", "an SQLite database"),
+        (b"PK\x03\x04", "a spreadsheet"),
+        (b"ULog\x01\x12\x35", "a PX4 log"),
+        (b"\xa3\x95\x80", "an ArduPilot log"),
+        (b"\x1f\x8b\x08", "a compressed file"),
+    ],
+)
+def test_recordings_of_other_programs_are_named_with_what_to_do(tmp_path: Path, beginning: bytes, said: str) -> None:
+    path = tmp_path / "log.bin"
+    path.write_bytes(beginning + bytes(range(256)) * 20)
+    done = captured("import", path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") <= 3
+
+
+def test_single_readings_claim_neither_noise_nor_rate(rng: np.random.Generator, tmp_path: Path) -> None:
+    path, out = tmp_path / "means.csv", tmp_path / "means.parquet"
+    np.savetxt(path, sphere(rng, 24) * 9.8 + 0.1, "%.6f", ",", header="acc_x,acc_y,acc_z", comments="")
+    assert "show no noise" in captured("import", path, "--out", out).stdout
+    said = captured("calibrate", "--samples", out, "--recipe", "hand-held").stdout
+    assert "tells no rate and no noise" in said
+    assert "rate 1" not in said
