@@ -88,7 +88,7 @@ def station(*words: str) -> None:
 def _table(path: Path, count: int, ups: Floats, each: int, runs: int = 1) -> None:
     """A recipe PATH.yaml and a table PATH.parquet of what `count` units read in its positions, run after run."""
     from station.adapters.samples import write_parts
-    from station.adapters.samples.reading import join
+    from station.domain.core.joined_tables import join
 
     names = {f"p{i:02d}": up for i, up in enumerate(ups)}
     recipe = tumble.recipe("n-point", ups=names, runs=[{"seating": "home"}] * runs)

@@ -3,24 +3,23 @@
 import hashlib
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from station.cli import _hypotheses_text, _output
+from station.cli._diagnosis_samples import MeasuredSource
 from station.config.models import load_model
 from station.config.recipes import load_recipe
 from station.diagnosis.data import family, preflight
+from station.diagnosis.data.portions import reduce_portions
 from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.proposal import SECOND_NEST, Proposal
 from station.diagnosis.results import line_impact
-from station.diagnosis.results.diagnose import Diagnosis, diagnose
+from station.diagnosis.results.diagnose import Diagnosis, diagnose, diagnose_reduced
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.diagnosis.search import alarm
@@ -29,16 +28,11 @@ from station.diagnosis.search.cause_search import NullFactory
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.domain.records.stored_attempt import utc_day
-from station.errors import LogError, SamplesError, UsageError
+from station.errors import UsageError
 from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
 from station.model.model_file import Model
 from station.wiring.process_memory import retain_all_memory
-
-#: Endings of recorded CAN logs, as `station replay` reads them.
-CAN_LOGS = (".log", ".blf", ".asc", ".mf4")
-#: A thousand units of three runs of 24 visits are 7.2 million; every row costs some 300 bytes of memory.
-MOST_ROWS = 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +58,8 @@ def run_diagnose(
         if path is not None and not path.parent.is_dir():
             raise UsageError("option-no-folder", option=option, path=str(path), folder=str(path.parent))
     with _output.activity(Message("activity-reading", file=str(samples or db))) as step:
-        checked, table = _inspected(recipe, _without_gaps(_table(samples, db, since, recipe_name, recipe)))
-        recipe = preflight.with_sheet(recipe, checked)
-        step(Message("activity-searching"))
-        found = diagnose(recipe, table, simulation, _cached_null(seed))
+        source = MeasuredSource(samples, db, since, recipe_name, recipe)
+        checked, found = _diagnosed(source, recipe, simulation, _cached_null(seed), step)
         step(Message("activity-planning"))
         proposed, proposal = next_run(found)
     today = utc_day(time.time_ns())
@@ -85,86 +77,27 @@ def run_diagnose(
     return 0 if found.verdict == "none" else 1
 
 
+def _diagnosed(
+    source: MeasuredSource, recipe: Recipe, model: Model, null_of: NullFactory, step: Callable[[Message], None]
+) -> tuple[Preflight, Diagnosis]:
+    """What the preflight finds, and the diagnosis. A large table is gone through in portions, if nothing in it must be
+    seen together."""
+    portions = source.portions()
+    reduced = None if portions is None else reduce_portions(recipe, portions)
+    step(Message("activity-searching"))
+    if reduced is not None:
+        inspected = reduced.inspection
+        found = diagnose_reduced(reduced.recipe, inspected.samples, inspected, reduced.reduced, model, null_of)
+        return reduced.preflight, found
+    checked, table = _inspected(recipe, source.table())
+    return checked, diagnose(preflight.with_sheet(recipe, checked), table, model, null_of)
+
+
 def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What the preflight finds, units far from the others included, and the samples that it leaves."""
     found, cleaned = preflight.inspect(recipe, table)
     preflight.check_orientations(recipe, found)
     return replace(found, remarks=(*found.remarks, *family.of_table(recipe, cleaned))), cleaned
-
-
-def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name: str, recipe: Recipe) -> SampleTable:
-    """The samples of a table, of a recorded CAN log, or of the station's log."""
-    if (samples is None) == (db is None):
-        raise UsageError("diagnose-without-samples")
-    if since is not None and db is None:
-        raise UsageError("diagnose-since-needs-db")
-    if samples is None:
-        return _table_of_store(db, since, recipe)
-    if samples.suffix.lower() in CAN_LOGS:
-        return _table_of_recording(samples, recipe_name)
-    from station.wiring.sample_files import read_samples, rows_about
-
-    rows = rows_about(samples)
-    if rows > MOST_ROWS:
-        raise SamplesError("diagnose-too-many-rows", file=str(samples), rows=rows, limit=MOST_ROWS)
-    table = read_samples(samples)
-    _check_names(table, recipe, samples)
-    return table
-
-
-def _check_names(table: SampleTable, recipe: Recipe, path: Path) -> None:
-    """Errors: SamplesError with the line of the first position or seating that the recipe does not know."""
-    from station.wiring.sample_files import PieceOrigin
-
-    seating = table.labels.get("seating")
-    columns = [("seating", seating, ["home", *recipe.seatings])] if seating is not None else []
-    if recipe.pose_known:
-        columns.append(("position", table.position, [p.name for p in recipe.positions]))
-    for column, labels, names in columns:
-        strange = [i for i, name in enumerate(labels.names) if name not in names]
-        rows = np.flatnonzero(np.isin(labels.code, strange))
-        if len(rows):
-            name = labels.names[labels.code[rows[0]]]
-            near = get_close_matches(name, names, 1, 0)[0]
-            place = PieceOrigin(path, 0).of(int(rows[0]))
-            raise SamplesError(
-                "samples-name-unknown", place=place, column=column, name=name, recipe=recipe.name, nearest=near
-            )
-
-
-def _table_of_recording(log: Path, recipe_name: str) -> SampleTable:
-    """All samples of a recorded CAN log, by the marks beside it."""
-    from station.cli._replay import open_recording
-    from station.service.replay import tables
-    from station.wiring.sample_files import join
-
-    job, frames, marks = open_recording(log, recipe_name, None)
-    return join(list(tables(frames, marks, job)))
-
-
-def _table_of_store(db: Path | None, since: str | None, recipe: Recipe) -> SampleTable:
-    """All samples of this recipe in the log."""
-    from station.cli._log_options import open_named_log, parse_time_ns
-    from station.ports.log_reader import Query
-    from station.service import stored_attempts as stored
-    from station.wiring.sample_files import join
-
-    with open_named_log(db, None) as log:
-        query = Query(recipe_name=recipe.name, since_ns=parse_time_ns(since, "--since"))
-        attempts = log.attempts(query)[::-1]
-        tables = list(stored.samples(log, attempts))
-        if not tables:
-            raise LogError("log-no-visits-of-recipe", log=log.location, recipe=recipe.name)
-        return join(tables)
-
-
-def _without_gaps(table: SampleTable) -> SampleTable:
-    """The table without optional columns that have gaps: a cause cannot be laid to what is not always known."""
-    gaps = [name for name, values in table.values.items() if not np.all(np.isfinite(values))]
-    if gaps:
-        remark = render(Message("covariates-with-gaps", columns=tuple(gaps)))
-        _output.print_remark(f"station: {remark}")
-    return replace(table, values={name: v for name, v in table.values.items() if name not in gaps})
 
 
 def _cached_null(seed: int) -> NullFactory:

@@ -1,6 +1,14 @@
 """Samples tables as files: which adapters read and write them."""
 
-from station.adapters.samples import by_units, join, read_samples, rows_about, write_parts, write_samples
+from station.adapters.samples import (
+    by_units,
+    join,
+    read_samples,
+    rows_about,
+    units_contiguous,
+    write_parts,
+    write_samples,
+)
 from station.adapters.samples.checks import PieceOrigin
 from station.adapters.samples.fleet import SCHEMA as FLEET_SCHEMA
 from station.adapters.samples.fleet import TABLES as FLEET_TABLES
@@ -15,6 +23,7 @@ __all__ = [
     "join",
     "read_samples",
     "rows_about",
+    "units_contiguous",
     "write_parts",
     "write_samples",
 ]

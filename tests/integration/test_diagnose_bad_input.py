@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from station.cli import _diagnose
+from station.cli import _diagnosis_samples
 from station.cli.app import main
 
 UP = {"z-up": (0, 0, 1), "z-down": (0, 0, -1), "x-up": (1, 0, 0), "x-down": (-1, 0, 0), "y-up": (0, 1, 0)}
@@ -179,7 +179,7 @@ def test_more_rows_than_fit_are_refused_before_they_are_read(
 ) -> None:
     path, table = tmp_path / f"large.{kind}", faces(rng)
     table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path, index=False)
-    monkeypatch.setattr(_diagnose, "MOST_ROWS", 150)
+    monkeypatch.setattr(_diagnosis_samples, "MOST_ROWS", 150)
     code, shown = diagnosed(path, capsys)
     assert code == 2
     assert "holds about 20" in shown

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from station.diagnosis.data.visit_noise import excess_variance, sample_noise
+from station.diagnosis.data.visit_noise import sample_noise, visit_differences
 from station.domain.core.types import Floats
 
 STOPS = 120
@@ -13,7 +13,7 @@ def excess(reading: Floats) -> Floats:
     """Of readings (v, n, 3)."""
     visit = np.repeat(np.arange(len(reading)), reading.shape[1])
     flat = reading.reshape(-1, 3)
-    return excess_variance(flat, visit, sample_noise(flat, visit))
+    return visit_differences(flat, visit, sample_noise(flat, visit)).excess_variance()
 
 
 @pytest.mark.parametrize("samples", [10, 50, 400])

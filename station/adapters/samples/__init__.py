@@ -1,6 +1,16 @@
 """Samples tables (`station.samples/1`) as CSV and Parquet: read in pieces, checked cell by cell, written in pieces."""
 
-from station.adapters.samples.reading import by_units, join, pieces, read_samples, rows_about
+from station.adapters.samples.reading import by_units, pieces, read_samples, rows_about, units_contiguous
 from station.adapters.samples.writing import write_parts, write_samples
+from station.domain.core.joined_tables import join
 
-__all__ = ["by_units", "join", "pieces", "read_samples", "rows_about", "write_parts", "write_samples"]
+__all__ = [
+    "by_units",
+    "join",
+    "pieces",
+    "read_samples",
+    "rows_about",
+    "units_contiguous",
+    "write_parts",
+    "write_samples",
+]

@@ -23,6 +23,7 @@ from station.adapters.samples.columns import (
     type_of,
 )
 from station.adapters.samples.gathering import gather
+from station.domain.core.joined_tables import join
 from station.domain.core.types import Labels, SampleTable
 from station.errors import SamplesError
 from station.files.limited_process import memory_ceiling
@@ -78,7 +79,7 @@ def by_units(path: Path, rows: int = PORTION) -> Iterator[SampleTable]:
     else in one. Memory then follows the portion and not the file. Errors: SamplesError."""
     import pyarrow as pa
 
-    if not _units_contiguous(path):
+    if not units_contiguous(path):
         yield read_samples(path)
         return
     held: list[SampleTable] = []
@@ -105,26 +106,6 @@ def pieces(path: Path) -> Iterator[SampleTable]:
             row += batch.num_rows
     if not some:
         raise SamplesError("samples-empty", file=str(path))
-
-
-def join(parts: list[SampleTable]) -> SampleTable:
-    """One table of several; columns that not all of them have are left out."""
-    if len(parts) == 1:
-        return parts[0]
-    labels = set.intersection(*(set(p.labels) for p in parts))
-    values = set.intersection(*(set(p.values) for p in parts))
-    gold = [p.gold for p in parts if p.gold is not None]
-    return SampleTable(
-        unit=_join_labels([p.unit for p in parts]),
-        run=np.concatenate([p.run for p in parts]),
-        visit=np.concatenate([p.visit for p in parts]),
-        position=_join_labels([p.position for p in parts]),
-        time_s=np.concatenate([p.time_s for p in parts]),
-        reading=np.concatenate([p.reading for p in parts]),
-        labels={k: _join_labels([p.labels[k] for p in parts]) for k in TEXT_COLUMNS if k in labels},
-        values={k: np.concatenate([p.values[k] for p in parts]) for k in NUMBER_COLUMNS if k in values},
-        gold=np.concatenate(gold) if len(gold) == len(parts) else None,
-    )
 
 
 def _batches(path: Path, columns: tuple[str, ...] | None = None) -> "Iterator[pa.RecordBatch]":
@@ -225,7 +206,7 @@ def _cast(path: Path, batch: "pa.RecordBatch") -> "pa.RecordBatch":
     return pa.RecordBatch.from_arrays(columns, names=batch.schema.names)
 
 
-def _units_contiguous(path: Path) -> bool:
+def units_contiguous(path: Path) -> bool:
     """Whether the rows of each unit follow each other."""
     finished: set[str] = set()
     last = None
@@ -282,10 +263,3 @@ def _labels(batch: "pa.RecordBatch", name: str) -> Labels:
     names, code = column.dictionary.to_pylist(), _numbers(column.indices).astype(np.int32)
     used = np.flatnonzero(np.bincount(code, minlength=len(names)))
     return Labels(tuple(names[i] for i in used), np.searchsorted(used, code).astype(np.int32))
-
-
-def _join_labels(parts: list[Labels]) -> Labels:
-    """Names in the order in which they come."""
-    names = {name: i for i, name in enumerate(dict.fromkeys(n for p in parts for n in p.names))}
-    codes = [np.array([names[n] for n in p.names], np.int32)[p.code] for p in parts]
-    return Labels(tuple(names), np.concatenate(codes))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from station.adapters.samples.columns import ALL_COLUMNS, GOLD_COLUMNS, REQUIRED_COLUMNS, SCHEMA, kind_of, type_of
-from station.adapters.samples.reading import join
+from station.domain.core.joined_tables import join
 from station.domain.core.types import Labels, SampleTable
 
 if TYPE_CHECKING:

@@ -86,7 +86,7 @@ class Preflight:
 
 def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What samples are, and those of them that count. Errors: SamplesError where they are of no tumble."""
-    table = _in_order_of_time(sort_table(table))
+    table = in_order(table)
     begin, end = visit_boundaries(table)
     preflight_checks.check_positions(table, begin, end)
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
@@ -119,6 +119,11 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         simulated=_simulated(table, begin),
     )
     return result, table[~out[number]] if out.any() else table
+
+
+def in_order(table: SampleTable) -> SampleTable:
+    """The table sorted by unit, run and visit, each visit in the order of time."""
+    return _in_order_of_time(sort_table(table))
 
 
 def _in_order_of_time(table: SampleTable) -> SampleTable:

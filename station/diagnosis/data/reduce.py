@@ -7,6 +7,7 @@ are orthogonal to it: a cause that stands still during a dwell shows in the mean
 contrasts, and the noise of the two is independent.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -14,17 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.visit_noise import axis_noise, excess_variance, sample_noise
+from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.scene import COVARIATES, Scene, fit_temperature_slopes, scene_of_table
+from station.model.scene import COVARIATES, Scene, fit_temperature_slopes, scene_of_table, visits_scene_of_table
 
 #: Ends of the sub-blocks as shares of the dwell.
 BLOCK_EDGES = np.array([0.06, 0.15, 0.40, 1.0])
 #: Gauss–Legendre nodes of a block, in standard deviations of its samples' times about their mean, and their weights.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], [0.5]])
-#: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded.
-HUBER_K = 2.0
+#: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded. Rounds after which hardly any mean moves.
+HUBER_K, HUBER_ROUNDS = 2.0, 8
 #: In a block of fewer samples no mean can tell a wild one from the rest.
 MIN_HUBER_SAMPLES = 7
 #: Samples looked at together: enough to be fast, few enough for a processor's cache.
@@ -82,32 +83,91 @@ def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
     return mean, np.einsum("vcb,vb...->vc...", _complement(root), weighted)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedPart:
+    """Some whole units of a table, reduced. means: one row a visit (v), values and readings its plain means; since_s
+    (v) mean time since its first sample; count (v, B) and block (v, B, 3) samples and robust mean of each block; late,
+    spread (v, B) mean and deviation of its samples' times about the visit's mean; differences: how noisy each is."""
+
+    means: SampleTable
+    since_s: Floats
+    count: Floats
+    block: Floats
+    late: Floats
+    spread: Floats
+    differences: VisitDifferences
+
+
 def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     """The stops of a table. SamplesError when a position or seating is not in the recipe."""
-    full = scene_of_table(recipe, table)
-    stops = len(full.visits)
-    since, length = _since_first(full, stops)
-    block = np.searchsorted(BLOCK_EDGES, np.minimum(since / length[full.visit], 1.0), side="left").astype(np.intp)
-    cell = full.visit * len(BLOCK_EDGES) + block
+    visit = visits_scene_of_table(recipe, table).visit
+    sigma = sample_noise(table.reading, visit)
+    part = reduce_part(table, visit, sigma)
+    return join_parts(recipe, part.means, [part], sigma)
+
+
+def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats) -> ReducedPart:
+    """Some units of a table whose samples have the noise sigma (3); visit (n) of each row."""
+    stops = int(visit.max()) + 1
+    first, length = _first_and_length(table.time_s, visit, stops)
+    since = table.time_s - first[visit]
+    block = np.searchsorted(BLOCK_EDGES, np.minimum(since / length[visit], 1.0), side="left").astype(np.intp)
+    cell = visit * len(BLOCK_EDGES) + block
     count = np.bincount(cell, minlength=stops * len(BLOCK_EDGES)).astype(float)
-    sigma = sample_noise(table.reading, full.visit)
-    reading = clip_outliers(table.reading, full.visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
-    means = huber_means(reading, full.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
-    count = count.reshape(stops, -1)
-    mean, contrast = mean_and_contrasts(means.reshape(*count.shape, 3), count)
-    scene = _rows_of(full, stops)
-    noise = float(np.sqrt(np.mean(sigma**2)))
-    axes = axis_noise(sigma, len(table) - stops)
+    reading = clip_outliers(table.reading, visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
+    found = huber_means(reading, table.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
+    means = visit_means(table, visit)
+    late, spread = _times_of_blocks(table.time_s - means.time_s[visit], cell, count)
+    shape = stops, len(BLOCK_EDGES)
+    return ReducedPart(
+        means,
+        np.bincount(visit, since, stops) / np.bincount(visit, minlength=stops),
+        count.reshape(shape),
+        found.reshape(*shape, 3),
+        late.reshape(shape),
+        spread.reshape(shape),
+        visit_differences(table.reading, visit, sigma),
+    )
+
+
+def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart], sigma: Floats) -> ReducedScene:
+    """The stops of all parts, whose means stand in one table in their order; sigma (3): noise of a sample."""
+    count = np.concatenate([p.count for p in parts])
+    mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
+    since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
+    scene = replace(scene_of_table(recipe, means), since_arrival_s=since)
+    differences = VisitDifferences.join([p.differences for p in parts])
+    late, spread = (np.concatenate([getattr(p, name) for p in parts]) for name in ("late", "spread"))
     return ReducedScene(
         scene,
-        _fine(full, scene, cell),
+        _fine(scene, late, spread),
         mean,
         contrast,
         count,
-        noise,
+        float(np.sqrt(np.mean(sigma**2))),
         _rate_error(scene),
-        axes,
-        excess_variance(table.reading, full.visit, sigma),
+        axis_noise(sigma, int(count.sum()) - len(count)),
+        differences.excess_variance(),
+    )
+
+
+def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
+    """One row a visit, with what all of its rows say and the means of its numbers; visit (n) of each row."""
+    first = np.unique(visit, return_index=True)[1]
+    count = np.bincount(visit)
+
+    def mean(values: Floats) -> Floats:
+        return np.asarray(np.bincount(visit, values) / count)
+
+    def means(rows: Floats) -> Floats:
+        return np.stack([mean(column) for column in rows.T], axis=1)
+
+    return replace(
+        table[first],
+        time_s=mean(table.time_s),
+        reading=means(table.reading),
+        values={name: mean(values) for name, values in table.values.items() if name in COVARIATES},
+        gold=None if table.gold is None else means(table.gold),
     )
 
 
@@ -148,31 +208,25 @@ def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: F
     room = np.maximum(np.bincount(cell, late**2, len(count)), 1e-300)[:, None]
     mean, slope = _sums(values, cell, len(count)) / filled, np.zeros((len(count), values.shape[1]))
     portions = _portions(cell, len(count))
-    for _ in range(8):
-        arrived = True
-        for rows, cells in portions:
-            of, weights = cell[rows] - cells.start, (filled[cells], room[cells], scale)
-            step, turn, done = _step(values[rows], late[rows], of, (mean[cells], slope[cells]), weights)
+    for rows, cells in portions:
+        of, weights = cell[rows] - cells.start, (filled[cells], room[cells], scale)
+        # As many rounds for all, so that a cell does not depend on which others are looked at.
+        for _ in range(HUBER_ROUNDS):
+            step, turn = _step(values[rows], late[rows], of, (mean[cells], slope[cells]), weights)
             mean[cells], slope[cells] = mean[cells] + step, slope[cells] + turn
-            arrived &= done
-        # All together, so that a cell does not depend on which others are in its portion.
-        if arrived:
-            break
     return mean
 
 
 def _step(
     values: Floats, late: Floats, cell: NDArray[np.intp],
     line: tuple[Floats, Floats], weights: tuple[Floats, Floats, Floats],
-) -> tuple[Floats, Floats, bool]:  # fmt: skip
-    """By how much means and slopes (cells, k) of a portion's lines move, and whether that is next to nothing."""
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """By how much means and slopes (cells, k) of a portion's lines move."""
     (mean, slope), (filled, room, scale), cells = line, weights, len(line[0])
     off = values - mean[cell] - slope[cell] * late[:, None]
     wide = np.maximum(scale, 1.2533 * _sums(np.abs(off), cell, cells) / filled)
     off = np.clip(off, -HUBER_K * wide[cell], HUBER_K * wide[cell])
-    step = _sums(off, cell, cells) / filled
-    turn = _sums(off * late[:, None], cell, cells) / room
-    return step, turn, bool(np.all(np.abs(step) <= 1e-3 * wide / np.sqrt(filled)))
+    return _sums(off, cell, cells) / filled, _sums(off * late[:, None], cell, cells) / room
 
 
 def _portions(cell: NDArray[np.intp], cells: int) -> list[tuple[slice, slice]]:
@@ -192,37 +246,31 @@ def _sums(values: Floats, cell: NDArray[np.intp], cells: int) -> Floats:
     return np.stack([np.bincount(cell, column, cells) for column in values.T], axis=1)
 
 
-def _since_first(full: Scene, stops: int) -> tuple[Floats, Floats]:
-    """Time since the first sample of the stop (n), and how long the stop was measured (v)."""
+def _first_and_length(time_s: Floats, visit: NDArray[np.intp], stops: int) -> tuple[Floats, Floats]:
+    """Time of the first sample of each stop (v), and how long it was measured (v)."""
     first = np.full(stops, np.inf)
     last = np.full(stops, -np.inf)
-    np.minimum.at(first, full.visit, full.time_s)
-    np.maximum.at(last, full.visit, full.time_s)
-    return full.time_s - first[full.visit], np.maximum(last - first, 1e-9)
+    np.minimum.at(first, visit, time_s)
+    np.maximum.at(last, visit, time_s)
+    return first, np.maximum(last - first, 1e-9)
 
 
-def _rows_of(full: Scene, stops: int) -> Scene:
-    """The scene with one row a stop, at the mean of its covariates."""
-    cell = full.visit
-    count = np.bincount(cell, minlength=stops)
-    names = ["time_s", *(k for k in COVARIATES if getattr(full, k) is not None)]
-    means: dict[str, Any] = {k: np.bincount(cell, getattr(full, k), stops) / count for k in names}
-    return replace(full, visit=np.arange(stops), **means)
+def _times_of_blocks(late: Floats, cell: NDArray[np.intp], count: Floats) -> tuple[Floats, Floats]:
+    """Mean and deviation (cells) of the samples' times about the mean of their stop (n) in each cell."""
+    filled = np.maximum(count, 1.0)
+    mean = np.bincount(cell, late, len(count)) / filled
+    return mean, np.sqrt(np.maximum(np.bincount(cell, late**2, len(count)) / filled - mean**2, 0.0))
 
 
-def _fine(full: Scene, scene: Scene, cell: NDArray[np.intp]) -> Scene:
-    """The scene at the nodes of every block; what is a clock runs on, the rest stays as at the stop's mean."""
-    cells = len(scene.visits) * len(BLOCK_EDGES)
-    count = np.maximum(np.bincount(cell, minlength=cells), 1)
-    late = full.time_s - scene.time_s[full.visit]
-    mean = np.bincount(cell, late, cells) / count
-    spread = np.sqrt(np.maximum(np.bincount(cell, late**2, cells) / count - mean**2, 0.0))
-    later = (mean[:, None] + spread[:, None] * NODES).ravel()
-    visit = np.repeat(scene.visit, len(BLOCK_EDGES) * len(NODES))
+def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
+    """The scene at the nodes of every block, whose times are late (v, B) about the stop's mean and spread (v, B); what
+    is a clock runs on, the rest stays as at the stop's mean."""
+    later = (late[..., None] + spread[..., None] * NODES).ravel()
+    visit = np.repeat(scene.visit, late.shape[1] * len(NODES))
     clocks = ("time_s", "since_arrival_s", "since_power_s", "since_clamp_s")
     rows = {k: getattr(scene, k) for k in ("time_s", *COVARIATES)}
     moved: dict[str, Any] = {k: x[visit] + (later if k in clocks else 0.0) for k, x in rows.items() if x is not None}
-    return replace(full, visit=visit, **moved)
+    return replace(scene, visit=visit, **moved)
 
 
 def _complement(root: Floats) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats, SampleTable
+from station.domain.evaluation.unit_dwells import sort_table
 from station.domain.recipe.recipe import Recipe
 
 #: Stretches of the longest stay at the most; the shortest stretch, s, and the fewest samples in one.
@@ -34,9 +35,7 @@ class Recut:
 
 def recut(recipe: Recipe, table: SampleTable) -> Recut:
     """The table, its rows sorted by unit, run and visit, with its stays in stretches of one length."""
-    order = np.lexsort((np.arange(len(table)), table.visit, table.run, table.unit.code))
-    if np.any(np.diff(order) != 1):
-        table = table[order]
+    table = sort_table(table)
     first = _first_rows(table)
     period = _period(table, first)
     joined = _joined(recipe, table, first, period)

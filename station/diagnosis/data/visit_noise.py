@@ -3,6 +3,9 @@
 Noise is taken from differences of neighbours, which slow motion does not reach.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +35,37 @@ def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
     return np.asarray(np.where(robust > 0, robust, np.sqrt(np.mean(near**2, axis=0))) / np.sqrt(2))
 
 
+class NoiseTally:
+    """The noise of a sample of stops that come some after others. Distances of neighbours are counted by their size:
+    readings of a converter have few sizes."""
+
+    def __init__(self) -> None:
+        self._sizes: list[Floats] = [np.zeros(0)] * 3
+        self._counts: list[Floats] = [np.zeros(0)] * 3
+
+    def add(self, reading: Floats, visit: NDArray[np.intp]) -> None:
+        """Readings (n, 3) of more stops (n)."""
+        for axis, column in enumerate(_differences(reading, visit)[0].T):
+            sizes, counts = np.unique(column, return_counts=True)
+            both = np.concatenate([self._sizes[axis], sizes])
+            self._sizes[axis], place = np.unique(both, return_inverse=True)
+            self._counts[axis] = np.bincount(place, np.concatenate([self._counts[axis], counts])).astype(float)
+
+    def sigma(self) -> Floats:
+        """What `sample_noise` gives of all stops together (3)."""
+        return np.array([_noise(s, n) for s, n in zip(self._sizes, self._counts, strict=True)])
+
+
+def _noise(sizes: Floats, counts: Floats) -> float:
+    """Noise of a sample from rising distances of neighbours and how many there are of each."""
+    up_to, total = np.cumsum(counts), counts.sum()
+    if not total:
+        return 0.0
+    middle = sizes[np.searchsorted(up_to, [(total - 1) // 2, total // 2], "right")].mean() / MAD_PER_SIGMA
+    robust = middle if middle > 0 else np.sqrt((counts @ sizes**2) / total)
+    return float(robust / np.sqrt(2))
+
+
 def axis_noise(sigma: Floats, differences: int) -> Floats:
     """Noise of each axis (3) beside the rms of all, from that of a sample; drawn to 1 as far as chance alone makes them
     differ (James and Stein), and no further apart than noise of one kind may be."""
@@ -45,49 +79,80 @@ def axis_noise(sigma: Floats, differences: int) -> Floats:
     return np.asarray(np.sqrt(variance / variance.mean()))
 
 
-def excess_variance(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -> Floats:
-    """Noise's square of each stop and axis (v, 3) beside that of all stops; 1 where chance explains it.
+@dataclass(frozen=True, slots=True, eq=False)
+class VisitDifferences:
+    """Distances of neighbours in each stop (v), in noises of a sample: count (v) of them; square, middle (v, 3) mean
+    square, none above FURTHEST, and median; least (3) the smallest that is not 0; known: whether all axes scatter."""
 
-    Where the stops differ altogether, each is drawn to 1 as far as chance makes it differ (James and Stein); one that
-    stands out by itself counts in full. What is quieter by itself keeps the common noise: what stands still for
-    another reason shall not outweigh the rest.
+    count: NDArray[np.intp]
+    square: Floats
+    middle: Floats
+    least: Floats
+    known: bool
+
+    @staticmethod
+    def join(parts: "Sequence[VisitDifferences]") -> "VisitDifferences":
+        """Those of all parts, in their order."""
+        count, square, middle = (np.concatenate([getattr(p, n) for p in parts]) for n in ("count", "square", "middle"))
+        return VisitDifferences(count, square, middle, np.min([p.least for p in parts], axis=0), parts[0].known)
+
+    def excess_variance(self) -> Floats:
+        """Noise's square of each stop and axis (v, 3) beside that of all stops; 1 where chance explains it.
+
+        Where the stops differ altogether, each is drawn to 1 as far as chance makes it differ (James and Stein); one
+        that stands out by itself counts in full. What is quieter by itself keeps the common noise: what stands still
+        for another reason shall not outweigh the rest.
+        """
+        if not self.known or not self.count.any():
+            return np.ones(self.square.shape)
+        there = (self.count[:, None] > 0) & (self.square > 0)
+        logs = np.log(np.where(there, self.square, 1.0))
+        logs = np.where(there, logs - _middle(logs, there), 0.0)
+        logs = np.where(self.least > COARSE, 0.0, logs)
+        error = np.sqrt(MEAN_LOG_VARIANCE / np.maximum(self.count, 1))[:, None]
+        score = np.where(self.count[:, None] >= LEAST_DIFFERENCES, logs / error, 0.0)
+        squares, size = float(np.sum(np.clip(score, -NOISIER_BY, NOISIER_BY) ** 2)), max(score.size, 1)
+        shared = 1 - size / squares if squares > size + DIFFERENT_BY * np.sqrt(2 * size) else 0.0
+        found = shared * np.where(score == 0.0, 0.0, logs)
+        # Cut off at FURTHEST, the mean of squares of a much noisier stop says too little.
+        plain = 2 * np.log(np.maximum(self.middle / MAD_PER_SIGMA / np.sqrt(2), 1.0))
+        found = np.where(score > NOISIER_BY, np.maximum(logs, plain), found)
+        return np.asarray(np.exp(np.maximum(found, -MAX_LOG_VARIANCE)))
+
+
+def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -> VisitDifferences:
+    """Of readings (n, 3) of stops (n) whose samples have the noise sigma (3).
+
+    Means of squares, since a median of coarse readings jumps from code to code; wild ones count as FURTHEST.
     """
     stops = int(visit.max()) + 1 if len(visit) else 0
     near, of = _differences(reading, visit)
-    if np.any(sigma <= 0) or not len(near):
-        return np.ones((stops, 3))
-    logs, count = _log_variances(near / sigma, of, stops)
-    logs = np.where(np.min(near, axis=0, initial=np.inf, where=near > 0) > COARSE * sigma, 0.0, logs)
-    error = np.sqrt(MEAN_LOG_VARIANCE / np.maximum(count, 1))[:, None]
-    score = np.where(count[:, None] >= LEAST_DIFFERENCES, logs / error, 0.0)
-    squares, size = float(np.sum(np.clip(score, -NOISIER_BY, NOISIER_BY) ** 2)), max(score.size, 1)
-    shared = 1 - size / squares if squares > size + DIFFERENT_BY * np.sqrt(2 * size) else 0.0
-    found = shared * np.where(score == 0.0, 0.0, logs)
-    for stop, axis in np.argwhere(score > NOISIER_BY):
-        # Cut off at FURTHEST, the mean of squares of a much noisier stop says too little.
-        middle = float(np.median(near[of == stop, axis])) / sigma[axis] / MAD_PER_SIGMA / np.sqrt(2)
-        found[stop, axis] = max(logs[stop, axis], 2 * np.log(max(middle, 1.0)))
-    return np.asarray(np.exp(np.maximum(found, -MAX_LOG_VARIANCE)))
+    known = not bool(np.any(sigma <= 0))
+    ratio = near / np.where(sigma > 0, sigma, 1.0)
+    count = np.bincount(of, minlength=stops)
+    squares = np.minimum(ratio / np.sqrt(2), FURTHEST) ** 2
+    mean = np.stack([np.bincount(of, column, stops) for column in squares.T], axis=1) / np.maximum(count, 1)[:, None]
+    least = np.min(ratio, axis=0, initial=np.inf, where=ratio > 0)
+    return VisitDifferences(count, mean, _medians(ratio, of, count), least, known)
+
+
+def _medians(values: Floats, of: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:
+    """Medians (v, 3) of the values (n, 3) of each stop (n), 0 where it has none. Stops with as many values are gone
+    through together."""
+    if np.any(np.diff(of) < 0):
+        values = values[np.argsort(of, kind="stable")]
+    first = np.cumsum(count) - count
+    found = np.zeros((len(count), values.shape[1]))
+    for many in np.unique(count[count > 0]).tolist():
+        stops = np.flatnonzero(count == many)
+        found[stops] = np.median(values[first[stops, None] + np.arange(many)], axis=1)
+    return found
 
 
 def _differences(reading: Floats, visit: NDArray[np.intp]) -> tuple[Floats, NDArray[np.intp]]:
     """Distances (n, 3) of neighbours in a stop, and the stop of each."""
     within = visit[1:] == visit[:-1]
     return np.abs(np.diff(reading, axis=0))[within], visit[1:][within]
-
-
-def _log_variances(ratio: Floats, of: NDArray[np.intp], stops: int) -> tuple[Floats, NDArray[np.intp]]:
-    """Logarithm of the noise's square of each stop and axis (v, 3) beside that of the middle stop, from differences
-    (n, 3) in units of the common noise, and how many differences it has.
-
-    Means of squares, since a median of coarse readings jumps from code to code; wild ones count as FURTHEST.
-    """
-    count = np.bincount(of, minlength=stops)
-    squares = np.minimum(ratio / np.sqrt(2), FURTHEST) ** 2
-    mean = np.stack([np.bincount(of, column, stops) for column in squares.T], axis=1) / np.maximum(count, 1)[:, None]
-    there = (count[:, None] > 0) & (mean > 0)
-    logs = np.log(np.where(there, mean, 1.0))
-    return np.where(there, logs - _middle(logs, there), 0.0), count
 
 
 def _middle(logs: Floats, there: NDArray[np.bool_]) -> Floats:

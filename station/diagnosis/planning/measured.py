@@ -12,5 +12,5 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     """What was measured, as a plan sees it."""
     visits = d.last.view.scene.visits
     nests = len(visits.group("nest", 1)[1]) if "nest" in visits.groups else 1
-    units = min(len(d.table.unit.names), MAX_PLANNED_UNITS)
+    units = min(len(d.samples.units), MAX_PLANNED_UNITS)
     return MeasuredCampaign(d.recipe, units, nests, d.floor.floor, bench_of(d.last.view.scene))

@@ -11,7 +11,8 @@ from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data import input_checks
 from station.diagnosis.data.faults import GrossFault, Inspection, inspect
-from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.reduce import ReducedScene, reduce_samples
+from station.diagnosis.data.samples import Samples
 from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
@@ -54,7 +55,7 @@ class Diagnosis:
     """
 
     recipe: Recipe
-    table: SampleTable
+    samples: Samples
     inspection: Inspection
     search_result: SearchResult
     last: ScoringProblem
@@ -63,6 +64,11 @@ class Diagnosis:
     depends_on: tuple[str, ...]
     not_testable: tuple[str, ...]
     hypotheses: "Hypotheses | None" = None
+
+    @property
+    def table(self) -> SampleTable:
+        """All samples at once."""
+        return self.samples.table
 
     @property
     def faults(self) -> tuple[GrossFault, ...]:
@@ -89,9 +95,16 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     input_checks.check(recipe, table)
     inspected = inspect(recipe, recut(recipe, table.used()).table)
     input_checks.check_unclipped(table, inspected.table)
+    reduced = reduce_samples(recipe, inspected.table)
+    return diagnose_reduced(recipe, Samples.of(table), inspected, reduced, model, null_of)
+
+
+def diagnose_reduced(
+    recipe: Recipe, samples: Samples, inspected: Inspection, reduced: ReducedScene, model: Model, null_of: NullFactory
+) -> Diagnosis:
+    """The same of samples that were inspected and reduced already."""
     known = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in known)
-    reduced = reduce_samples(recipe, inspected.table)
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
     input_checks.check_calibrated(problem.view)
     problem = with_model(problem, model)
@@ -101,7 +114,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     causes = _causes(searched, last, floor, sized[len(problem.accepted) :])
     found = Diagnosis(
         recipe=recipe,
-        table=table,
+        samples=samples,
         inspection=replace(inspected, faults=news),
         search_result=searched,
         last=last,
@@ -122,7 +135,7 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
     from station.diagnosis.results.hypotheses import only_with
     from station.diagnosis.results.imitators import simplest_explanation
 
-    explanation = simplest_explanation(d.search_result, d.last, paying, d.table, whole=not d.depends_on)
+    explanation = simplest_explanation(d.search_result, d.last, paying, d.samples, whole=not d.depends_on)
     found = explanation.formula
     words = found.covariates if found is not None and found.complete else d.depends_on
     if len(explanation.causes) == len(paying):

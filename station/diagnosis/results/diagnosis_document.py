@@ -26,10 +26,10 @@ def document(
     made = {
         "schema": SCHEMA,
         "data": {
-            "units": len(d.table.unit.names),
+            "units": len(d.samples.units),
             "runs": len(visits.group("run", 1)[1]),
             "visits": len(visits),
-            "samples": len(d.table),
+            "samples": d.samples.rows,
         },
         "verdict": d.verdict,
         "sentence": sentence(d),

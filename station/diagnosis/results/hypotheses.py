@@ -8,6 +8,7 @@ import numpy as np
 
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import FormEstimate
+from station.diagnosis.data.samples import Samples
 from station.diagnosis.discovery.covariates import term_covariates
 from station.diagnosis.discovery.discover import MAX_TERMS, AlarmOnRest, Discovery, FoundTerm, ThresholdOf, discover
 from station.diagnosis.discovery.scan import scanned_units
@@ -18,7 +19,7 @@ from station.diagnosis.results.gain import HeldOutGain, gain_together, held_out_
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem
-from station.domain.core.types import Floats, SampleTable
+from station.domain.core.types import Floats
 from station.model.formula.grammar import CONSTANTS
 
 #: Seed of the null distribution over the grammar.
@@ -57,7 +58,7 @@ def propose_formula(
     searched: SearchResult,
     last: ScoringProblem,
     paying: Sequence[AcceptedCause],
-    table: SampleTable,
+    samples: Samples,
     threshold_of: ThresholdOf | None = None,
     most_terms: int = MAX_TERMS,
 ) -> Hypotheses:
@@ -67,13 +68,15 @@ def propose_formula(
     problem = only_with(last, len(searched.first.accepted), paying)
     alarm = AlarmOnRest(searched.null, searched.undetectable, searched.banks)
     found = discover(problem, alarm, SEED, threshold_of, most_terms)
-    return _accepted(found, data_hash(table))
+    return _accepted(found, data_hash(samples))
 
 
-def data_hash(table: SampleTable) -> str:
+def data_hash(samples: Samples) -> str:
     """SHA-256 of times and readings, its first 16 digits."""
-    digest = hashlib.sha256(np.ascontiguousarray(table.time_s, float).tobytes())
-    digest.update(np.ascontiguousarray(table.reading, float).tobytes())
+    digest = hashlib.sha256()
+    for name in ("time_s", "reading"):
+        for table in samples.portions():
+            digest.update(np.ascontiguousarray(getattr(table, name), float).tobytes())
     return digest.hexdigest()[:16]
 
 

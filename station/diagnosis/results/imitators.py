@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates.nuisance import AcceptedCause, accepted_columns
+from station.diagnosis.data.samples import Samples
 from station.diagnosis.discovery.discover import MAX_TERMS
 from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.rest import is_noise, visit_noise
@@ -23,7 +24,6 @@ from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem
-from station.domain.core.types import SampleTable
 
 #: So many causes that leave nothing are worth a look for one formula that says the same.
 LEAST_CAUSES = 2
@@ -47,23 +47,23 @@ class Explanation:
 
 
 def simplest_explanation(
-    searched: SearchResult, last: ScoringProblem, paying: Sequence[AcceptedCause], table: SampleTable, *, whole: bool
+    searched: SearchResult, last: ScoringProblem, paying: Sequence[AcceptedCause], samples: Samples, *, whole: bool
 ) -> Explanation:
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
     that gain on held-out data; whole: whether these leave nothing."""
-    with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, table))
+    with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, samples))
     if not paying or (whole and len(paying) < LEAST_CAUSES and is_noise(last, ())):
         return with_causes
     complete = whole or _is_complete(with_causes)
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
     most = max(with_causes.parts - 1, 1) if complete else MAX_TERMS
-    alone = propose_formula(searched, last, (), table, most_terms=most)
+    alone = propose_formula(searched, last, (), samples, most_terms=most)
     if whole and _are_the_formula(alone, paying):
         return with_causes
     if not alone.complete or (complete and not _is_simpler(alone, with_causes, last)):
         return with_causes
     if known := _causes_in(alone, paying):
-        mixed = Explanation(known, propose_formula(searched, last, known, table))
+        mixed = Explanation(known, propose_formula(searched, last, known, samples))
         if _is_complete(mixed):
             return mixed
     return Explanation((), alone)

@@ -4,7 +4,7 @@ Both sides are the station's own calibration by the recipe's method: of the read
 with the gross faults put right and the causes taken off.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +63,7 @@ def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
     if not (d.faults or d.causes):
         return None
     try:
-        before, after = (_results(d.recipe, t, today) for t in (d.table, _corrected_table(d)))
+        before, after = (_results(d.recipe, t, today) for t in (d.samples.portions(), _corrected_portions(d)))
     except StationError:
         # Data that can be diagnosed need not be such that the recipe's method can calibrate them.
         return None
@@ -112,15 +112,18 @@ def _unit_document(u: UnitImpact, *, judged: bool) -> dict[str, Any]:
     }
 
 
-def _results(recipe: Recipe, table: SampleTable, today: str) -> list[CalibrationResult]:
-    return sorted(pipeline.calibrate(recipe, table, today), key=lambda r: r.serial)
+def _results(recipe: Recipe, tables: Iterable[SampleTable], today: str) -> list[CalibrationResult]:
+    return sorted(pipeline.calibrate_portions(recipe, tables, today), key=lambda r: r.serial)
 
 
-def _corrected_table(d: Diagnosis) -> SampleTable:
+def _corrected_portions(d: Diagnosis) -> Iterator[SampleTable]:
     """The samples with gross faults put right and every new cause taken off."""
-    table = d.inspection.table
     effect = sum((cause_contribution(d.last, i)[0] for i in new_causes(d)), np.zeros_like(d.last.view.reduced.mean))
-    return replace(table, reading=table.reading - effect[visits_scene_of_table(d.recipe, table).visit])
+    before = 0
+    for table in d.inspection.samples.portions():
+        visit = visits_scene_of_table(d.recipe, table).visit
+        yield replace(table, reading=table.reading - effect[before + visit])
+        before += int(visit.max()) + 1
 
 
 def _unit_impact(before: CalibrationResult, after: CalibrationResult, strength: float) -> UnitImpact | None:

@@ -1,5 +1,6 @@
 """Gross faults, looked for before any statistics: decoding, grid, saturation, counters, clocks and tones."""
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,22 +18,28 @@ from station.diagnosis.data.faults import (
     stuck_bits,
 )
 from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
+from station.diagnosis.data.samples import Samples
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.scene import Scene, visits_scene_of_table
+from station.model.scene import visits_scene_of_table
 
-__all__ = ["FaultParameter", "GrossFault", "Inspection", "inspect"]
+__all__ = ["FaultParameter", "GrossFault", "Inspection", "inspect", "undetectable_faults"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """Faults; the table as it would be without them, clipped stops left out; the faults that nothing could show; and
-    causes of the bank that were looked for here already."""
+    """Faults; the samples as they would be without them, clipped stops left out; the faults that nothing could show;
+    and causes of the bank that were looked for here already."""
 
     faults: tuple[GrossFault, ...]
-    table: SampleTable
+    samples: Samples
     undetectable: tuple[str, ...]
     tested: tuple[str, ...] = ()
+
+    @property
+    def table(self) -> SampleTable:
+        """All samples at once."""
+        return self.samples.table
 
 
 def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
@@ -65,9 +72,9 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     usable = table[whole].used() if bad.any() else table
     found += motor_tone.faults(recipe, usable, stop[whole])
     found = [f for f in found if not f.rejected]
-    return Inspection(
-        tuple(found), usable, _undetectable(recipe, table, scene), gold_reference.testable_causes(recipe, table)
-    )
+    driven = "motor" in table.values and float(np.ptp(table.values["motor"])) > 0.0
+    hidden = undetectable_faults(recipe, table.values, len(table), len(scene.visits), driven=driven)
+    return Inspection(tuple(found), Samples.of(usable), hidden, gold_reference.testable_causes(recipe, table))
 
 
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:
@@ -75,16 +82,19 @@ def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:
     return np.stack([np.bincount(stop, column) / count for column in reading.T], 1)
 
 
-def _undetectable(recipe: Recipe, table: SampleTable, scene: Scene) -> tuple[str, ...]:
-    """Faults that these data could not show."""
+def undetectable_faults(
+    recipe: Recipe, columns: Container[str], samples: int, stops: int, *, driven: bool
+) -> tuple[str, ...]:
+    """Faults that so many samples of so many stops could not show; columns: what was recorded; driven: whether the
+    motors' drive was ever another one."""
     blind = []
-    if "counter" not in table.values:
+    if "counter" not in columns:
         blind += ["lost-frames", "duplicated-frames", "reordered-frames"]
-    if len(table) < 3 * len(scene.visits) or not clock.states_rate(recipe):
+    if samples < 3 * stops or not clock.states_rate(recipe):
         blind.append("clock-error")
     if recipe.device.lsb <= 0:
         blind += ["quantization", "stuck-bit"]
-    if not {"motor", "started_s"} <= set(table.values) or float(np.ptp(table.values["motor"])) == 0.0:
+    if not driven or "started_s" not in columns:
         blind.append("motor-tone")
     if not recipe.pose_known:
         blind.append("axis-permutation")

@@ -26,6 +26,15 @@ class FrameTally:
     different: NDArray[np.int64]
     stepped_back: NDArray[np.int64]
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether every frame arrived once and in its turn."""
+        return bool(
+            np.all(self.sent == self.different)
+            and np.all(self.arrived == self.different)
+            and not self.stepped_back.any()
+        )
+
 
 def unwrapped(counter: Floats, stop: NDArray[np.intp], bits: int) -> NDArray[np.int64]:
     """The counter (n) without its overflow, counted anew in each stop."""

@@ -35,8 +35,8 @@ class MatchedSpectrum:
         points = int((end_s - origin_s) / self.step_s) + 1
         self.stretches = -(-points // MAX_POINTS)
         self.points = scipy.fft.next_fast_len(-(-points // self.stretches), real=True)
-        self._places: list[NDArray[np.int64]] = []
-        self._values: list[NDArray[np.float32]] = []
+        # Of each stretch where its samples are, and their values.
+        self._samples: dict[int, list[tuple[NDArray[np.int32], NDArray[np.float32]]]] = {}
         self._weight = np.zeros(self.stretches)
 
     def add(self, white: Floats, time_s: Floats, motor: Floats, live: NDArray[np.bool_]) -> None:
@@ -44,9 +44,12 @@ class MatchedSpectrum:
         weight = np.broadcast_to(motor[:, None], live.shape)[live]
         place = np.round((time_s[live] - self.origin_s) / self.step_s).astype(np.int64)
         place = np.clip(place, 0, self.stretches * self.points - 1)
-        self._places.append(place)
-        self._values.append((weight[:, None] * white[live]).astype(np.float32))
-        self._weight += np.bincount(place // self.points, weight**2, self.stretches)
+        values = (weight[:, None] * white[live]).astype(np.float32)
+        stretch, here = np.divmod(place, self.points)
+        self._weight += np.bincount(stretch, weight**2, self.stretches)
+        for i in np.unique(stretch).tolist():
+            mine = stretch == i
+            self._samples.setdefault(i, []).append((here[mine].astype(np.int32), values[mine]))
 
     @property
     def resolution_hz(self) -> float:
@@ -80,14 +83,9 @@ class MatchedSpectrum:
 
     def _records(self, used: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
         """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
-        place, values = np.concatenate(self._places), np.concatenate(self._values)
-        stretch = place // self.points
-        order = np.argsort(stretch, kind="stable")
-        ends = np.searchsorted(stretch[order], np.arange(self.stretches + 1))
-        for first, last in zip(ends[:-1][used], ends[1:][used], strict=True):
-            mine = order[first:last]
-            here = place[mine] % self.points
-            yield np.stack([np.bincount(here, values[mine, axis], self.points) for axis in range(3)]).astype(np.float32)
+        for i in np.flatnonzero(used).tolist():
+            here, values = (np.concatenate(parts) for parts in zip(*self._samples[i], strict=True))
+            yield np.stack([np.bincount(here, column, self.points) for column in values.T]).astype(np.float32)
 
 
 def _block_medians(values: Floats, blocks: int) -> Floats:

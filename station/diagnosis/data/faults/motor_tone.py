@@ -10,187 +10,49 @@ in the spectrum of all dwells together (`matched_spectrum.py`).
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault, block_gain, halves_of
-from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
-from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING, PowerSpectrum, line_gains
+from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING
 from station.diagnosis.data.faults.tone_power import TonePower, power_per_visit
+from station.diagnosis.data.faults.tone_search import ToneExtent, ToneSearch, power
+from station.diagnosis.data.faults.white_dwells import WhiteDwells, white_dwells
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
-#: Nats of log-likelihood that a line must gain beyond the number of frequencies tried.
-MIN_GAIN_NATS = 12.0
-#: A unit needs so many stops before its arrivals can be told from its tones.
-MIN_FILTER_VISITS = 8
 #: What the second half of a dwell may hold less of a tone, in standard deviations, and the least share that it must.
 LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
-#: The least noise of an axis beside the noisiest one.
-MIN_AXIS_NOISE = 0.1
-#: Samples whose spectrum is taken at once.
-SAMPLES_AT_ONCE = 50_000
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TransientFilter:
-    """What is taken off the samples of a stop: a cubic in time, and what each unit's dwells have in common, plainly
-    and in proportion to the last move.
-
-    curve (v, s, 4) powers of time, zero where there is no sample; step (v, 3) previous stop's mean less this one's;
-    units: the stops of each unit that has enough of them.
-    """
-
-    curve: Floats
-    step: Floats
-    units: tuple[NDArray[np.intp], ...]
-
-    def __call__(self, samples: Floats) -> Floats:
-        """Samples (v, s, 3) without it. A wave goes through the same filter before it is compared with them."""
-        across = self.curve.transpose(0, 2, 1)
-        normal = across @ self.curve + 1e-9 * np.eye(4)
-        out = samples - self.curve @ np.linalg.solve(normal, across @ samples)
-        for stops in self.units:
-            for axis in range(3):
-                basis = np.linalg.qr(np.stack([np.ones(len(stops)), self.step[stops, axis]], 1))[0]
-                out[stops, :, axis] -= basis @ (basis.T @ out[stops, :, axis])
-        return np.asarray(out * (self.curve[:, :, :1] != 0))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WhiteDwells:
-    """White, filtered samples (v, s, 3) of the stops, zero where there is none; the readings (v, s, 3) as they came;
-    time (v, s) on the campaign's clock; motor (v); rate in Hz; the filter."""
-
-    white: Floats
-    reading: Floats
-    time_s: Floats
-    motor: Floats
-    rate_hz: float
-    filter: TransientFilter
-
-    @property
-    def live(self) -> NDArray[np.bool_]:
-        """Where there is a sample (v, s)."""
-        return np.asarray(self.filter.curve[:, :, 0] != 0)
-
-    @property
-    def middle_s(self) -> Floats:
-        """Where each stop's phase is taken (v)."""
-        return np.asarray(self.time_s[:, 0])
-
-
-def white_dwells(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> tuple[WhiteDwells, Floats]:
-    """The stops' samples without their slow course, and the noise (3) of each axis."""
-    first = np.flatnonzero(np.diff(stop, prepend=-1))
-    length = np.diff(np.append(first, len(stop)))
-    at = np.repeat(np.arange(len(first)), length), np.arange(len(stop)) - np.repeat(first, length)
-    shape = (len(first), int(length.max()))
-    reading, time, curve = np.zeros((*shape, 3)), np.zeros(shape), np.zeros((*shape, 4))
-    reading[at], time[at] = table.reading, table.time_s + table.values["started_s"]
-    share = (at[1] + 0.5) / np.repeat(length, length) * 2 - 1
-    curve[at] = np.stack([share**k for k in range(4)], 1)
-    clean = TransientFilter(curve, *_moves(table, first, length))
-    flat = clean(reading)
-    sigma = np.median(np.abs(flat[at]), axis=0) / 0.6745
-    # An axis whose samples hardly ever differ has the others' scale.
-    sigma = np.where(sigma > MIN_AXIS_NOISE * sigma.max(), sigma, sigma.max())
-    motor = np.add.reduceat(table.values["motor"], first) / length
-    return WhiteDwells(flat / np.maximum(sigma, 1e-300), reading, time, motor, rate_hz, clean), sigma
-
-
-def _moves(
-    table: SampleTable, first: NDArray[np.intp], length: NDArray[np.intp]
-) -> tuple[Floats, tuple[NDArray[np.intp], ...]]:
-    """The last move before each stop (v, 3), and the stops of each unit that has enough of them."""
-    mean = np.add.reduceat(table.reading, first) / length[:, None]
-    unit, run = table.unit.code[first], table.run[first]
-    same = np.append(False, (unit[1:] == unit[:-1]) & (run[1:] == run[:-1]))[:, None]
-    step = np.where(same, np.roll(mean, 1, axis=0) - mean, 0.0)
-    stops = (np.flatnonzero((unit == code) & (length == length.max())) for code in np.unique(unit))
-    return step, tuple(s for s in stops if len(s) >= MIN_FILTER_VISITS)
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """The strongest line, if there is one that the motors explain."""
-    needed = {"motor", "started_s"} <= set(table.values)
-    if not needed or len(table) < 64 or float(np.ptp(table.values["motor"])) == 0.0:
+    extent, rate_hz = ToneExtent.of(table, stop), recipe.device.rate_hz
+    if extent is None or not extent.shows_tones:
         return []
-    rate, samples = recipe.device.rate_hz, int(np.bincount(stop).max())
-    if samples < 16:
+    search = ToneSearch(rate_hz, extent)
+    search.add(table, stop)
+    line = search.strongest()
+    if line is None:
         return []
-    tried = np.arange(3, OVERSAMPLING * samples // 2) * rate / (OVERSAMPLING * samples)
-    spectrum, matched = _power_spectrum(table, stop, rate, tried)
-    gains = line_gains(spectrum)
-    best = int(gains.argmax())
-    coherent = matched.lines()
-    significant = gains[best] >= MIN_GAIN_NATS + np.log(len(tried))
-    if not significant and coherent is None:
-        return []
-    d, sigma = white_dwells(table, stop, rate)
-    if coherent is not None and not (significant and gains[best] > coherent[1]):
-        frequency, nats = _nearest_tone(d, coherent[0], matched.resolution_hz), coherent[1]
+    d, sigma = white_dwells(table, stop, rate_hz)
+    if line.resolution_hz is None:
+        frequency = _refine_frequency(d, float(line.frequency_hz[0]))
     else:
-        frequency, nats = _refine_frequency(d, float(tried[best])), float(gains[best])
+        frequency = _nearest_tone(d, line.frequency_hz, line.resolution_hz)
     tone = _tone(d, frequency)
     if not tone.lasts(d):
         return []
-    fault = _fault(tone, d, sigma, nats, recipe)
+    fault = _fault(tone, d, sigma, line.nats, recipe)
     return [] if fault.rejected else [fault]
-
-
-def _power_spectrum(
-    table: SampleTable, stop: NDArray[np.intp], rate_hz: float, tried: Floats
-) -> tuple[PowerSpectrum, MatchedSpectrum]:
-    """The spectrum of all stops at frequencies tried in equal steps, some units after others; and that of all of them
-    as one record."""
-    t = table.time_s + table.values["started_s"]
-    matched = MatchedSpectrum(rate_hz, float(tried[0]), float(t.min()), float(t.max()))
-    power, weight, squares = np.zeros((len(tried), 3)), 0.0, 0.0
-    starts = np.flatnonzero(np.diff(table.unit.code, prepend=-1))
-    part = np.append(starts[np.diff(starts // SAMPLES_AT_ONCE, prepend=-1) > 0], len(stop))
-    for first, last in pairwise(part):
-        d, _ = white_dwells(table[first:last], stop[first:last] - stop[first], rate_hz)
-        power += _power(d, tried)
-        matched.add(d.white, d.time_s, d.motor, d.live)
-        weight += float(np.sum(_weight(d)))
-        squares += float(np.sum(_weight(d) ** 2))
-    return PowerSpectrum(power / max(weight, 1e-300), weight**2 / max(squares, 1e-300)), matched
 
 
 def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:
     """Complex sums (v, 3) of the white samples against the wave."""
     wave = np.exp(-2j * np.pi * frequency_hz * (d.time_s - d.middle_s[:, None]))
     return np.asarray(np.einsum("vs,vsi->vi", wave, d.white))
-
-
-def _power(d: WhiteDwells, tried: Floats) -> Floats:
-    """Sum over the stops of their power (f, 3) at frequencies in equal steps, times their weight.
-
-    Each wave is the one before, turned on by the step: sines are dearer than products.
-    """
-    late = 2 * np.pi * (d.time_s - d.middle_s[:, None])
-    step = late * (tried[1] - tried[0] if len(tried) > 1 else 0.0)
-    c, s, cos, sin = (f(x).astype(np.float32) for x in (late * tried[0], step) for f in (np.cos, np.sin))
-    white = d.white.astype(np.float32)
-    weight = (_weight(d) / np.maximum(_count(d), 1))[:, None]
-    power = np.zeros((len(tried), 3))
-    for i in range(len(tried)):
-        both = np.stack([c, s], axis=1) @ white
-        power[i] = np.sum(weight * np.sum(both.astype(float) ** 2, axis=1), axis=0)
-        c, s = c * cos - s * sin, s * cos + c * sin
-    return power
-
-
-def _count(d: WhiteDwells) -> Floats:
-    return np.asarray(np.count_nonzero(d.white[:, :, 0], axis=1), float)
-
-
-def _weight(d: WhiteDwells) -> Floats:
-    return np.asarray(d.motor**2 * _count(d))
 
 
 def _refine_frequency(d: WhiteDwells, frequency_hz: float) -> float:
@@ -228,7 +90,7 @@ class Tone:
     def lasts(self, d: WhiteDwells) -> bool:
         """Whether the second half of the dwells holds as much of it as the first: what an arrival leaves does not."""
         place = np.cumsum(d.live, axis=1) - 1
-        late = (place >= _count(d)[:, None] / 2)[None, :, :, None]
+        late = (place >= d.count[:, None] / 2)[None, :, :, None]
         if self.coherent:
             square, std = [], []
             for part in (~late, late):
@@ -249,7 +111,7 @@ class Tone:
     def held_out_gain(self, d: WhiteDwells) -> BlockGain | None:
         """What it gains at one half of the stops, found in the other; of a tone without a common phase the likelihood
         is averaged over the phase."""
-        scores, counts = np.zeros(len(d.white)), _count(d)
+        scores, counts = np.zeros(len(d.white)), d.count
         half = halves_of(len(scores))
         for part in (0, 1):
             fitted, judged = half != part, half == part
@@ -322,7 +184,7 @@ def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: Floats, nats: 
     d = replace(d, white=alone(d.reading) / np.maximum(sigma, 1e-300), filter=alone)
     resolution = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
     tried = frequency_hz + resolution * np.linspace(-1, 1, 41)
-    frequency_hz = float(tried[np.argmax(_power(d, tried).sum(1))])
+    frequency_hz = float(tried[np.argmax(power(d, tried).sum(1))])
     angle = 2 * np.pi * frequency_hz * d.time_s
     found = power_per_visit(np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))]), d.white)
     numbers = [

@@ -24,6 +24,8 @@ from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 Codes = NDArray[np.int64]
+#: The codes that occur on each axis, each once, rising.
+AxisCodes = list[Codes]
 
 #: Values of the higher bits that must be seen, and bits looked at.
 MIN_LEVELS, MAX_BITS = 24, 24
@@ -36,13 +38,13 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     lsb = recipe.device.lsb
     if lsb <= 0:
         return []
-    units = [(u, rows) for u, rows in enumerate(rows_of_units(table.unit)) if rows.stop > rows.start]
-    codes = [_codes(table.reading[rows], lsb) for _, rows in units]
-    everywhere = _stuck([_bit_statistics(np.unique(np.concatenate(axis))) for axis in zip(*codes, strict=True)])
+    codes = codes_of_units(table, lsb)
+    everywhere = stuck_in_all(together(list(codes.values())))
     numbers, scores = [], []
-    for (u, rows), of in zip(units, codes, strict=True):
-        axes = [_bit_statistics(axis) for axis in of]
-        found = everywhere | _stuck(axes) | set().union(*(_stuck([axis]) for axis in axes))
+    for u, rows in enumerate(rows_of_units(table.unit)):
+        if u not in codes:
+            continue
+        found = everywhere | stuck_in_unit(codes[u])
         scores += [_held_out_scores(table.reading[rows] / lsb, stop[rows], bit) for bit, _ in sorted(found)]
         numbers += [_number(unit_label(table.unit, u), bit, high, recipe) for bit, high in sorted(found)]
     if not numbers:
@@ -52,6 +54,28 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
     nats = len(numbers) * (MIN_LEVELS - 1) * float(np.log(2))
     return [GrossFault("stuck-bit", "unit", tuple(numbers), sentence, nats, gain=gain)]
+
+
+def codes_of_units(table: SampleTable, lsb: float) -> dict[int, AxisCodes]:
+    """The codes of each unit that has any samples."""
+    units = enumerate(rows_of_units(table.unit))
+    return {u: _codes(table.reading[rows], lsb) for u, rows in units if rows.stop > rows.start}
+
+
+def together(units: Sequence[AxisCodes]) -> AxisCodes:
+    """The codes of all units on each axis."""
+    return [np.unique(np.concatenate(axis)) for axis in zip(*units, strict=True)]
+
+
+def stuck_in_all(codes: AxisCodes) -> set[tuple[int, bool]]:
+    """Bits (place, what it reads) that never change on any axis of all units."""
+    return _stuck([_bit_statistics(axis) for axis in codes])
+
+
+def stuck_in_unit(codes: AxisCodes) -> set[tuple[int, bool]]:
+    """The same of one unit, or of one of its axes."""
+    axes = [_bit_statistics(axis) for axis in codes]
+    return _stuck(axes) | set().union(*(_stuck([axis]) for axis in axes))
 
 
 def _held_out_scores(steps: Floats, stop: NDArray[np.intp], bit: int) -> tuple[Floats, Floats]:
@@ -75,7 +99,7 @@ def _held_out_scores(steps: Floats, stop: NDArray[np.intp], bit: int) -> tuple[F
     return score, np.bincount(where, minlength=len(score)).astype(float)
 
 
-def _codes(readings: Floats, lsb: float) -> list[Codes]:
+def _codes(readings: Floats, lsb: float) -> AxisCodes:
     """The codes that occur on each axis; none where the readings (n, 3) do not lie on the grid."""
     steps = readings / lsb
     code = np.round(steps)

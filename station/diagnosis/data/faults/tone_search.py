@@ -1,0 +1,126 @@
+"""Whether any line of the dwells' spectrum stands out in proportion to the drive: units add up, some at a time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
+from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING, PowerSpectrum, line_gains
+from station.diagnosis.data.faults.white_dwells import WhiteDwells, white_dwells
+from station.domain.core.types import Floats, SampleTable
+
+#: Nats of log-likelihood that a line must gain beyond the number of frequencies tried.
+MIN_GAIN_NATS = 12.0
+#: Samples of a table, and of its longest stop, at the least.
+LEAST_SAMPLES, LEAST_DWELL = 64, 16
+#: Samples whose spectrum is taken at once.
+SAMPLES_AT_ONCE = 50_000
+
+
+@dataclass(frozen=True, slots=True)
+class ToneExtent:
+    """What must be known of all samples before any spectrum is taken: how many they are, and those of the longest stop;
+    the first and the last one on the campaign's clock, s; least and greatest drive."""
+
+    samples: int
+    longest: int
+    begin_s: float
+    end_s: float
+    least_drive: float
+    greatest_drive: float
+
+    @staticmethod
+    def of(table: SampleTable, stop: NDArray[np.intp]) -> "ToneExtent | None":
+        """Of a table with samples in stops (n); None where drive or clock were not recorded."""
+        if not {"motor", "started_s"} <= set(table.values) or not len(table):
+            return None
+        t, motor = table.time_s + table.values["started_s"], table.values["motor"]
+        drive = float(motor.min()), float(motor.max())
+        return ToneExtent(len(table), int(np.bincount(stop).max()), float(t.min()), float(t.max()), *drive)
+
+    @staticmethod
+    def of_all(parts: "Sequence[ToneExtent]") -> "ToneExtent":
+        """Of all parts of a table, at least one."""
+        return ToneExtent(
+            sum(p.samples for p in parts),
+            max(p.longest for p in parts),
+            min(p.begin_s for p in parts),
+            max(p.end_s for p in parts),
+            min(p.least_drive for p in parts),
+            max(p.greatest_drive for p in parts),
+        )
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the drive was ever another one."""
+        return self.greatest_drive > self.least_drive
+
+    @property
+    def shows_tones(self) -> bool:
+        """Whether a tone could be told from these samples."""
+        return self.is_driven and self.samples >= LEAST_SAMPLES and self.longest >= LEAST_DWELL
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToneLine:
+    """A line that stands out, by so many nats: at one frequency, Hz, or near one of several, resolution_hz apart, if
+    the phases hold from stop to stop."""
+
+    frequency_hz: Floats
+    nats: float
+    resolution_hz: float | None
+
+
+class ToneSearch:
+    """Adds up the spectra of units, and finds the strongest line."""
+
+    def __init__(self, rate_hz: float, extent: ToneExtent) -> None:
+        """rate_hz of the samples, and what all of them are."""
+        self.rate_hz, samples = rate_hz, extent.longest
+        self.tried = np.arange(3, OVERSAMPLING * samples // 2) * rate_hz / (OVERSAMPLING * samples)
+        self._matched = MatchedSpectrum(rate_hz, float(self.tried[0]), extent.begin_s, extent.end_s)
+        self._power, self._weight, self._squares = np.zeros((len(self.tried), 3)), 0.0, 0.0
+
+    def add(self, table: SampleTable, stop: NDArray[np.intp]) -> None:
+        """Whole units of a table whose samples are in stops (n), rising from 0."""
+        starts = np.flatnonzero(np.diff(table.unit.code, prepend=-1))
+        part = np.append(starts[np.diff(starts // SAMPLES_AT_ONCE, prepend=-1) > 0], len(stop))
+        for first, last in pairwise(part):
+            d, _ = white_dwells(table[first:last], stop[first:last] - stop[first], self.rate_hz)
+            self._power += power(d, self.tried)
+            self._matched.add(d.white, d.time_s, d.motor, d.live)
+            weight = d.weight
+            self._weight += float(np.sum(weight))
+            self._squares += float(np.sum(weight**2))
+
+    def strongest(self) -> ToneLine | None:
+        """The line that stands out the most; None where none does."""
+        mean = self._power / max(self._weight, 1e-300)
+        gains = line_gains(PowerSpectrum(mean, self._weight**2 / max(self._squares, 1e-300)))
+        best = int(gains.argmax())
+        coherent = self._matched.lines()
+        significant = gains[best] >= MIN_GAIN_NATS + np.log(len(self.tried))
+        if coherent is not None and not (significant and gains[best] > coherent[1]):
+            return ToneLine(coherent[0], coherent[1], self._matched.resolution_hz)
+        return ToneLine(self.tried[best : best + 1], float(gains[best]), None) if significant else None
+
+
+def power(d: WhiteDwells, tried: Floats) -> Floats:
+    """Sum over the stops of their power (f, 3) at frequencies in equal steps, times their weight.
+
+    Each wave is the one before, turned on by the step: sines are dearer than products.
+    """
+    late = 2 * np.pi * (d.time_s - d.middle_s[:, None])
+    step = late * (tried[1] - tried[0] if len(tried) > 1 else 0.0)
+    c, s, cos, sin = (f(x).astype(np.float32) for x in (late * tried[0], step) for f in (np.cos, np.sin))
+    white = d.white.astype(np.float32)
+    weight = (d.weight / np.maximum(d.count, 1))[:, None]
+    power = np.zeros((len(tried), 3))
+    for i in range(len(tried)):
+        both = np.stack([c, s], axis=1) @ white
+        power[i] = np.sum(weight * np.sum(both.astype(float) ** 2, axis=1), axis=0)
+        c, s = c * cos - s * sin, s * cos + c * sin
+    return power

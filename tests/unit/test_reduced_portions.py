@@ -1,0 +1,225 @@
+"""A large table reduced some units at a time comes to what it does whole, or its samples are asked for together."""
+
+import weakref
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from station.adapters.samples import write_samples
+from station.cli import _diagnosis_samples
+from station.cli._diagnosis_samples import MeasuredSource
+from station.diagnosis.data import preflight
+from station.diagnosis.data.faults import inspect
+from station.diagnosis.data.portions import PortionedTable, reduce_portions
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.visit_noise import NoiseTally, sample_noise
+from station.diagnosis.results.diagnose import Diagnosis, diagnose_reduced
+from station.domain.core.types import SampleTable
+from station.model.model_file import Model
+from tests.blind.bench import hide
+from tests.blind.hidden import KNOWN
+from tests.blind.inspection import diagnosis_of, null_of
+from tests.blind.recipes import recipe
+
+LSB = 1e-5
+RECIPE = recipe(2).model_copy(
+    update={"device": recipe(2).device.model_copy(update={"lsb": LSB, "full_scale": 2.0, "counter_bits": 8})}
+)
+
+
+def table(units: int = 3, hidden: Any = None, seed: int = 5) -> SampleTable:
+    """Units on a grid, whose counters run on while they are moved."""
+    made, _ = hide(RECIPE, hidden, seed, units=units)
+    counter = np.floor(made.time_s * RECIPE.device.rate_hz + 0.25).astype(np.int64) % 256
+    grid = np.round(made.reading / LSB) * LSB
+    return replace(made, reading=grid, values={**made.values, "counter": counter.astype(float)})
+
+
+def by_unit(made: SampleTable) -> Callable[[], Iterator[SampleTable]]:
+    """A portion a unit."""
+    return lambda: (made[made.unit.code == u] for u in range(len(made.unit.names)))
+
+
+def reduced(made: SampleTable) -> PortionedTable:
+    found = reduce_portions(RECIPE, by_unit(made))
+    assert found is not None
+    return found
+
+
+def same(one: Any, two: Any) -> None:
+    """Every array of two frozen values, to rounding."""
+    for field in fields(one):
+        a, b = (getattr(x, field.name) for x in (one, two))
+        if hasattr(a, "__dataclass_fields__"):
+            same(a, b)
+        elif isinstance(a, np.ndarray | float):
+            scale = float(np.max(np.abs(b), initial=0.0, where=np.isfinite(b)))
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12 * scale, err_msg=field.name)
+        else:
+            assert a == b or not isinstance(a, str | int | tuple), field.name
+
+
+def test_portions_come_to_what_the_whole_table_does() -> None:
+    """One visit moves and is left out; one axis of a stop is noisier than all others."""
+    made = table()
+    moved = (made.unit.code == 1) & (made.run == 0) & (made.visit == 4)
+    noisy = (made.unit.code == 2) & (made.run == 1) & (made.visit == 7)
+    rng = np.random.default_rng(3)
+    shaken = made.reading + moved[:, None] * np.linspace(0, 0.4, len(made))[:, None] * np.array([0.0, 1.0, 0.0])
+    shaken[moved, 1] += np.linspace(0, 0.5, int(moved.sum()))
+    shaken[noisy, 2] += LSB * np.round(1e3 * rng.standard_normal(int(noisy.sum())))
+    made = replace(made, reading=shaken)
+    checked, used = preflight.inspect(RECIPE, made)
+    whole = preflight.with_sheet(RECIPE, checked)
+    inspected = inspect(whole, used.used())
+    assert not inspected.faults and len(checked.left_out) == 1
+    found = reduced(made)
+    same(found.reduced, reduce_samples(whole, inspected.table))
+    assert np.any(found.reduced.excess != 1.0)
+    assert found.inspection.undetectable == inspected.undetectable
+    assert _places(found.preflight) == _places(checked)
+    assert found.preflight.magnitude == pytest.approx(checked.magnitude, rel=1e-12)
+    assert (found.preflight.units, found.preflight.visits) == (checked.units, checked.visits)
+    np.testing.assert_array_equal(found.inspection.samples.table.reading, used.reading)
+    assert found.inspection.samples.rows == len(used) < len(made)
+
+
+def _places(found: preflight.Preflight) -> list[tuple[str, int, int]]:
+    return [(one.unit, one.run, one.visit) for one in found.left_out]
+
+
+def test_a_cause_is_the_same_in_portions() -> None:
+    made = table(3, KNOWN["hysteresis"])
+    whole, found = diagnosis_of(RECIPE, made), reduced(made)
+    inspected = found.inspection
+    apart = diagnose_reduced(RECIPE, inspected.samples, inspected, found.reduced, Model(), null_of)
+    assert [c.finding.name for c in apart.causes] == [c.finding.name for c in whole.causes] == ["hysteresis"]
+    assert (apart.verdict, apart.not_testable) == (whole.verdict, whole.not_testable)
+    for one, two in zip(_numbers(apart), _numbers(whole), strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-9)
+
+
+def _numbers(d: Diagnosis) -> list[Any]:
+    (cause,) = d.causes
+    assert cause.estimate is not None
+    probability, evidence = (list(x.values()) for x in (cause.finding.probability, cause.finding.evidence))
+    return [cause.estimate.value, cause.estimate.std, probability, evidence, cause.gain.log_score, d.floor.floor.noise]
+
+
+def _with(made: SampleTable, reading: Any = None, **values: Any) -> SampleTable:
+    return replace(made, reading=made.reading if reading is None else reading, values={**made.values, **values})
+
+
+def _last(made: SampleTable) -> Any:
+    return (made.unit.code == len(made.unit.names) - 1)[:, None]
+
+
+def clipped(made: SampleTable) -> SampleTable:
+    return _with(made, np.where(_last(made), np.clip(made.reading, -0.9, 0.9), made.reading))
+
+
+def swapped(made: SampleTable) -> SampleTable:
+    return _with(made, np.where(_last(made), made.reading[:, [1, 0, 2]], made.reading))
+
+
+def one_frame_lost_in_each_of_two_units(made: SampleTable) -> SampleTable:
+    rows = [int(np.flatnonzero(made.unit.code == u)[17]) for u in (0, 1)]
+    return made[np.delete(np.arange(len(made)), rows)]
+
+
+def coarse(made: SampleTable) -> SampleTable:
+    return _with(made, np.where(_last(made), np.round(made.reading / 4e-4) * 4e-4, made.reading))
+
+
+def bit_stuck_in_all(made: SampleTable) -> SampleTable:
+    """So high that only the codes of all units together are enough to tell."""
+    return _with(made, ((np.round(made.reading / LSB).astype(np.int64)) & ~(1 << 6)) * LSB)
+
+
+def slow_clock(made: SampleTable) -> SampleTable:
+    return replace(made, time_s=np.where(_last(made)[:, 0], made.time_s * 1.01, made.time_s))
+
+
+def humming(made: SampleTable) -> SampleTable:
+    """A tone that no unit alone shows."""
+    at = made.time_s + made.values["started_s"]
+    tone = made.values["motor"] * np.sin(2 * np.pi * 7.3 * at)
+    return _with(made, np.round((made.reading + 5e-5 * tone[:, None]) / LSB) * LSB)
+
+
+def with_gaps(made: SampleTable) -> SampleTable:
+    return _with(made, temperature_degC=np.where(np.arange(len(made)) == len(made) - 3, np.nan, 25.0))
+
+
+def of_unknown_positions(made: SampleTable) -> SampleTable:
+    return replace(made, position=replace(made.position, names=("nowhere", *made.position.names[1:])))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [clipped, swapped, one_frame_lost_in_each_of_two_units, coarse, bit_stuck_in_all, slow_clock, humming, with_gaps,
+     of_unknown_positions],
+)  # fmt: skip
+def test_what_is_out_of_the_ordinary_is_looked_at_whole(change: Callable[[SampleTable], SampleTable]) -> None:
+    made = change(table(8 if change is humming else 3))
+    assert reduce_portions(RECIPE, by_unit(made)) is None
+
+
+def test_a_tone_that_all_units_show_together_is_in_none_of_them() -> None:
+    made = humming(table(8))
+    for portion in by_unit(made)():
+        assert "motor-tone" not in {f.effect for f in inspect(RECIPE, portion.used()).faults}
+    assert "motor-tone" in {f.effect for f in inspect(RECIPE, made).faults}
+
+
+def test_only_a_large_file_of_one_unit_after_the_other_is_read_in_portions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = table()
+
+    def source(name: str, rows: Any, log: Path | None = None) -> MeasuredSource:
+        write_samples(made[rows], tmp_path / name)
+        return MeasuredSource(tmp_path / name, log, None, RECIPE.name, RECIPE)
+
+    every = np.arange(len(made))
+    assert source("small.parquet", every).portions() is None
+    monkeypatch.setattr(_diagnosis_samples, "LARGE_ROWS", len(made) - 1)
+    monkeypatch.setattr(_diagnosis_samples, "PORTION_ROWS", 1)
+    portions = source("large.parquet", every).portions()
+    assert portions is not None
+    assert [t.unit.text()[0] for t in portions()] == list(made.unit.names)
+    assert source("mixed.parquet", np.roll(every, 7)).portions() is None
+    assert source("large.parquet", every, tmp_path / "a log").portions() is None
+    monkeypatch.setattr(_diagnosis_samples, "MOST_ROWS", len(made) - 1)
+    assert source("large.parquet", every).portions() is None
+
+
+def test_no_sample_is_held_longer_than_its_portion() -> None:
+    made, held = table(5), list[Any]()
+
+    def portions() -> Iterator[SampleTable]:
+        for portion in by_unit(made)():
+            # Beside the one that is asked for now, its predecessor may be on its way out.
+            assert sum(one() is not None for one in held) <= 1
+            held.append(weakref.ref(portion.reading))
+            yield portion
+
+    assert reduce_portions(RECIPE, portions) is not None
+    assert len(held) == 10 and all(one() is None for one in held[:-1])
+
+
+@given(st.lists(st.lists(st.integers(-3, 3), min_size=2, max_size=30), min_size=1, max_size=6), st.booleans())
+def test_noise_added_up_is_that_of_all_samples(stops: list[list[int]], even: bool) -> None:
+    visit = np.repeat(np.arange(len(stops)), [len(s) for s in stops])
+    values = np.concatenate(stops) * (1.0 if even else np.sqrt(2)) + 0.0
+    reading = np.stack([values, values[::-1] / 3, np.zeros(len(values))], axis=1)
+    tally = NoiseTally()
+    for v in range(len(stops)):
+        tally.add(reading[visit == v], visit[visit == v])
+    np.testing.assert_allclose(tally.sigma(), sample_noise(reading, visit), rtol=1e-12)
