@@ -48,5 +48,9 @@ def system_reason(error: OSError | UnicodeError) -> Message:
     none, such as one with an empty part."""
     if isinstance(error, UnicodeError):
         return Message("system-no-such-host")
+    if getattr(error, "library", None):  # of TLS, which counts its refusals in a table of its own
+        return Message("system-tls", reason=getattr(error, "verify_message", "") or getattr(error, "reason", ""))
+    if isinstance(error, TimeoutError):
+        return Message("system-timed-out")
     id_ = _REASONS.get(error.errno or 0)
     return Message(id_) if id_ else Message.text(" ".join((error.strerror or str(error)).split()))

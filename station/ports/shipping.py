@@ -37,6 +37,14 @@ class ReceiverAnswer:
     message: Message | None = None
 
 
+class ReceiverAway(OSError):
+    """Nothing came of a question, and why."""
+
+    def __init__(self, message: Message) -> None:
+        super().__init__(message.id)
+        self.message = message
+
+
 class RecordReceiver(Protocol):
     """A plant. Errors: OSError while it cannot be reached or cannot keep anything."""
 

@@ -13,10 +13,10 @@ from typing import Any
 
 from station.domain.records.wire import WireRecord
 from station.errors import LogError
-from station.messages import Message
+from station.messages import Message, system_reason
 from station.ports.clock import Clock
 from station.ports.plant import Claim
-from station.ports.shipping import ReceiverAnswer, RecordReceiver, RecordSource
+from station.ports.shipping import ReceiverAnswer, ReceiverAway, RecordReceiver, RecordSource
 
 SCHEMA = "station.shipping/1"
 #: Reasons for which a plant takes nothing of the whole log.
@@ -96,6 +96,7 @@ class Shipment:
         """One portion, or one question where the plant stands; seconds until the next step."""
         try:
             claim = self._source.newest()
+            self.status = replace(self.status, newest=claim.newest)
             if self._at is None:
                 return self._find_place(claim)
             if self._at >= claim.newest:
@@ -104,7 +105,8 @@ class Shipment:
             records = self._source.read(self._at, self._portion_bytes)
             return self._settle(self._receiver.send(self._source.log_id, records, claim), claim, records)
         except OSError as error:
-            return self._away(Message("shipping-unreachable", why=" ".join(str(error).split()) or type(error).__name__))
+            why = error.message if isinstance(error, ReceiverAway) else system_reason(error)
+            return self._away(Message("shipping-unreachable", why=why))
         except LogError as error:
             return self._away(error.message)
 

@@ -22,7 +22,7 @@ _LONGEST_END = 200
 async def _not_now(_: Request, exc: Exception) -> Response:
     """The station tries again: nothing that came is lost, it is still in its log."""
     assert isinstance(exc, StationError)
-    return JSONResponse({"error": exc.sentence}, 503, {"retry-after": "5"})
+    return JSONResponse({"error": exc.sentence, "message": exc.message.document()}, 503, {"retry-after": "5"})
 
 
 #: What an application that stations talk to answers where it cannot do its work.

@@ -16,8 +16,7 @@ from station.errors import ConfigError, StationError, StoreFault
 from station.files.json_text import NOT_AS_EXPECTED, read_json
 from station.files.owner import OwnerLock
 from station.files.replace import replace_text
-from station.files.system_errors import os_error_reason
-from station.messages import Message
+from station.messages import Message, system_reason
 from station.panel_protocol.companion import Companion, companion_file
 from station.service.shipping import SCHEMA, Shipment, ShippingState, ShippingStatus
 
@@ -45,7 +44,7 @@ def client_of(receiver: ReceiverSettings) -> PlantClient:
             if receiver.certificate:
                 tls.load_cert_chain(receiver.certificate, receiver.key or None)
     except (OSError, ValueError) as error:
-        reason = os_error_reason(error) if isinstance(error, OSError) and error.errno else Message.text(str(error))
+        reason = system_reason(error) if isinstance(error, OSError) else Message.text(str(error))
         file = receiver.token_file or receiver.certificate or receiver.authority
         raise ConfigError("shipping-credentials", receiver=receiver.name, file=file, reason=reason) from error
     return PlantClient(receiver.url, token, receiver.timeout_s, tls)

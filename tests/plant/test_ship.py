@@ -11,7 +11,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from cryptography.hazmat.primitives import serialization
@@ -119,6 +121,8 @@ def test_ships_by_token_through_outages_and_kills_and_says_where_it_stands(
     config = station_config(station, f"{{url: 'http://127.0.0.1:9', token_file: {token}}}")
     away = station_command("ship", "--once", "--config", config, check=False)
     assert (away.returncode, "away since" in away.stdout) == (3, True)
+    assert f"at record 0, {len(station.records())} waiting" in away.stdout
+    assert away.stdout.endswith("the plant cannot be reached: the connection was refused\n")
     served.start()
     config = station_config(station, f"{{url: '{served.url}', token_file: {token}, portion_bytes: 4096}}")
     shipped = json.loads(station_command("ship", "--once", "--json", "--config", config).stdout)["receivers"][0]
@@ -210,6 +214,10 @@ def test_certificates_open_the_door_and_name_the_station(
             (tmp_path / "bench-1.db.shipping.json").unlink()
         config = station_config(station, f"{{url: '{served.url}', authority: {authority.path}}}")
         assert station_command("ship", "--once", "--config", config, check=False).returncode == 3
+        config = station_config(station, f"{{url: '{served.url}', certificate: {certificate}, key: {key}}}")
+        away = station_command("ship", "--once", "--config", config, check=False)
+        assert away.returncode == 3
+        assert "check address, certificates and authority" in away.stdout
     finally:
         served.kill()
 
@@ -296,3 +304,28 @@ def test_wrong_input_is_one_sentence(case: str) -> None:
     assert done.returncode == 2
     assert expected in done.stderr
     assert "Traceback" not in done.stderr
+
+
+class AnyAnswer(BaseHTTPRequestHandler):
+    """Something else that listens at the plant's address."""
+
+    def do_GET(self) -> None:
+        """Answers with a page."""
+        self.send_response(404)
+        self.send_header("content-length", "6")
+        self.end_headers()
+        self.wfile.write(b"<html>")
+
+    def log_message(self, *_: object) -> None:
+        """Says nothing."""
+
+
+def test_what_is_no_plant_is_said_to_be_none(new_station: NewStation) -> None:
+    station = new_station()
+    with ThreadingHTTPServer(("127.0.0.1", 0), AnyAnswer) as other:
+        Thread(target=other.serve_forever, daemon=True).start()
+        config = station_config(station, f"{{url: 'http://127.0.0.1:{other.server_address[1]}'}}")
+        away = station_command("ship", "--once", "--config", config, check=False)
+        other.shutdown()
+    assert away.returncode == 3
+    assert "what answers there (404) is no plant: correct `url:` in config.yaml" in away.stdout

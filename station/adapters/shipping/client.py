@@ -11,7 +11,7 @@ from station.domain.records.wire import WireRecord, encode
 from station.files.json_text import parse_json
 from station.messages import Message
 from station.ports.plant import Claim
-from station.ports.shipping import ReceiverAnswer
+from station.ports.shipping import ReceiverAnswer, ReceiverAway
 
 #: No answer of a plant is longer.
 _MOST_BYTES = 1 << 20
@@ -38,7 +38,7 @@ class PlantClient:
         try:
             return [bytes.fromhex(seal) for seal in answer["seals"]]
         except (KeyError, TypeError, ValueError) as error:
-            raise OSError("its answer is none of a plant") from error
+            raise ReceiverAway(Message("shipping-no-plant", status=200)) from error
 
     def send(self, log_id: str, records: Sequence[WireRecord], claim: Claim) -> ReceiverAnswer:
         """Hands over records."""
@@ -64,12 +64,12 @@ class PlantClient:
         except http.client.HTTPException as error:
             self.close()
             if not kept:
-                raise OSError(f"{type(error).__name__}") from error
+                raise ReceiverAway(Message("shipping-broken-off")) from error
         try:  # the plant may have closed a connection that idled; asking twice is harmless
             return self._once(method, path, body, headers or {})
         except http.client.HTTPException as error:
             self.close()
-            raise OSError(f"{type(error).__name__}") from error
+            raise ReceiverAway(Message("shipping-broken-off")) from error
         except OSError:
             self.close()
             raise
@@ -83,17 +83,26 @@ class PlantClient:
         try:
             document = parse_json(data)
         except ValueError as error:
-            raise OSError(f"it answers {response.status} {response.reason}") from error
+            raise ReceiverAway(Message("shipping-no-plant", status=response.status)) from error
         if not isinstance(document, dict):
-            raise OSError(f"it answers {response.status} {response.reason}")
+            raise ReceiverAway(Message("shipping-no-plant", status=response.status))
         if response.status >= http.client.INTERNAL_SERVER_ERROR:
-            raise OSError(str(document.get("error", response.reason)))
+            raise ReceiverAway(_why(document, response.status))
         return document
 
     def _connect(self) -> http.client.HTTPConnection:
         if self._secure:
             return http.client.HTTPSConnection(self._host, self._port, timeout=self._timeout_s, context=self._tls)
         return http.client.HTTPConnection(self._host, self._port, timeout=self._timeout_s)
+
+
+def _why(document: dict[str, Any], status: int) -> Message:
+    """What a plant says that cannot do its work now."""
+    try:
+        return Message.of(document["message"])
+    except (KeyError, TypeError, ValueError):
+        text = document.get("error")
+        return Message.text(text) if isinstance(text, str) else Message("shipping-no-plant", status=status)
 
 
 def _answer(document: dict[str, Any]) -> ReceiverAnswer:
@@ -105,4 +114,4 @@ def _answer(document: dict[str, Any]) -> ReceiverAnswer:
         message = Message.of(refused["message"])
         return ReceiverAnswer(number, seal, int(refused["number"]), str(refused["reason"]), message)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise OSError("its answer is none of a plant") from error
+        raise ReceiverAway(Message("shipping-no-plant", status=200)) from error
