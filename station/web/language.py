@@ -1,5 +1,6 @@
 """Which language a person reads, and what they read in it."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,8 @@ from station.messages.labels import all_texts
 from station.reporting.words import Words, words_of
 
 LANGUAGE_COOKIE = "station_language"
+#: A hyphen before a number is a minus; one within a name or an option is not.
+_MINUS = re.compile(r"(?<![\w-])-(?=[\d.])")
 
 
 def words(code: str) -> Words:
@@ -23,7 +26,7 @@ def sentence(message: Message | Mapping[str, Any] | str | None, code: str) -> st
         return ""
     if isinstance(message, Mapping):
         message = Message.of(message)
-    return message if isinstance(message, str) else render(message, code)
+    return message if isinstance(message, str) else _MINUS.sub("−", render(message, code))
 
 
 def of_request(request: Request) -> str:

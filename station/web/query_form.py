@@ -22,7 +22,11 @@ COLUMN_FIELDS = (
     "check",
     "reference",
 )
-QUERY_FIELDS = ("serial", "since", "until", "outcome", "recipe_version", *COLUMN_FIELDS)
+#: All of them, in the order in which a person thinks of them.
+QUERY_FIELDS = (
+    *("serial", "since", "until", "outcome", "check", "recipe_name", "recipe_version"),
+    *("station", "nest", "fixture", "operator", "lot", "firmware", "software", "reference", "recipe_hash"),
+)
 
 
 def query_of(parameters: Mapping[str, str]) -> Query:

@@ -62,8 +62,10 @@ def _why(chosen: dict[str, Any], unit: str, day: list[AttemptValues], words: Wor
     near: Drawing | None = None
     sentence = ""
     if first and own:
-        near = unit_view.neighbours(day, own, first.what, unit_view.limits_of_value(fit, first.what), words)
-        sentence = unit_view.nest_sentence(day, own, first.what, words)
+        limits = unit_view.limits_of_value(fit, first.what)
+        near = unit_view.neighbours(day, own, first.what, limits, words, _clock)
+        missed = limits if reasons and chosen["outcome"] == "FAIL" else None
+        sentence = unit_view.nest_sentence(day, own, first.what, missed, words)
     return {
         "reasons": reasons,
         "simulated": is_simulated(chosen["software"]),
@@ -79,6 +81,11 @@ def _why(chosen: dict[str, Any], unit: str, day: list[AttemptValues], words: Wor
         "signatures": signatures(chosen),
         "meanings": tuple(Meaning),
     }
+
+
+def _clock(time_ns: int) -> str:
+    """Hour and minute, for an axis."""
+    return time_text.local_short(time_ns)[11:16]
 
 
 def _day_of(panel: Panel, log: LogReader, row: Attempt) -> list[AttemptValues]:

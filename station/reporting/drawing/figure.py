@@ -1,6 +1,6 @@
 """A figure is a frozen value: series on two axes. `svg` draws it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from itertools import pairwise
@@ -37,7 +37,8 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Everything a figure shows. x_names replace numbers by words at 0, 1, 2 …; levels are (y, name) lines."""
+    """Everything a figure shows. x_names replace numbers by words at 0, 1, 2 …; x_text writes
+    any other number of that axis; levels are (y, name) lines."""
 
     title: str
     x_label: str
@@ -48,6 +49,7 @@ class Figure:
     width: float = 640
     height: int = 300
     zero: bool = True
+    x_text: Callable[[float], str] | None = None
 
 
 def svg(figure: Figure) -> str:
@@ -156,7 +158,7 @@ def _x_labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
     if not figure.x_names:
         whole = all(float(v).is_integer() for s in figure.series for v in s.x)
         shown = [v for v in ticks(x.low, x.high, 8) if not whole or float(v).is_integer()]
-        return [svg_text(x(v), y.start + 16, tick_label(v), "middle") for v in shown]
+        return [svg_text(x(v), y.start + 16, (figure.x_text or tick_label)(v), "middle") for v in shown]
     if _labels_slanted(figure):
         every = max(1, round(len(figure.x_names) * 15 / (x.end - x.start)))
         named = list(enumerate(figure.x_names))[::every]

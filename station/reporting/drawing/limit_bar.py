@@ -7,13 +7,15 @@ from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import mark, svg_document, svg_text
 from station.reporting.drawing.scale import Scale, text_width, tick_label
 
-_WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 74.0, 150.0
-_GREEN, _RED, _INK = "#bcd8c9", "#ae131f", "#14212c"
+_WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 66.0, 150.0
+_GREEN, _AMBER, _RED, _INK = "#bcd8c9", "#ffe3ad", "#ae131f", "#14212c"
 #: A closer look is worth its place where the uncertainty is less than this share of the limits' width.
 _CLOSE = 0.08
 #: Letters of a label, and the least room between two, in the drawing's own pixels.
 _LABEL_PX, _GAP = 13, 8.0
 _Span = tuple[float, float]
+#: Half the height of the closer look.
+_ZOOM_HALF = 30
 #: And where value and limit lie within this share of that width.
 _NEAR = 0.25
 
@@ -23,6 +25,7 @@ class LimitBar:
     """A value with its expanded uncertainty (None: not stated), its target and its limits, all in one unit.
 
     words: what stands at the lower limit, the target and the upper limit, and in the zone that is allowed.
+    guard: so far within its limits a value has to lie.
     """
 
     value: float
@@ -31,11 +34,12 @@ class LimitBar:
     high: float
     target: float
     words: tuple[str, str, str, str]
+    guard: float = 0.0
 
     @property
-    def inside(self) -> bool:
-        """Whether the value lies within its limits."""
-        return self.low <= self.value <= self.high
+    def accepted(self) -> bool:
+        """Whether the value lies within its limits by the guard band."""
+        return self.low + self.guard <= self.value <= self.high - self.guard
 
 
 def draw(bar: LimitBar, title: str) -> Drawing:
@@ -58,36 +62,47 @@ def _svg(bar: LimitBar, title: str, width: float) -> str:
 
 
 def _lens(bar: LimitBar, whole: Scale, near: Scale) -> list[str]:
-    left, right = whole(near.low), whole(near.high)
+    left, right = (min(max(whole(v), whole.start), whole.end) for v in (near.low, near.high))
     lines = [
-        f'<path d="M{a:.1f} {_BAR_Y + 16:g}L{b:.1f} {_ZOOM_Y - 22:g}" stroke="#677683" fill="none"/>'
+        f'<path d="M{a:.1f} {_BAR_Y + 14:g}v6L{b:.1f} {_ZOOM_Y - _ZOOM_HALF:g}" stroke="#677683" fill="none"/>'
         for a, b in ((left, near.start), (right, near.end))
     ]
     return [*lines, *_bar(bar, near, _ZOOM_Y, named=False), *_stated(bar, near)]
 
 
 def _stated(bar: LimitBar, near: Scale) -> list[str]:
-    """The value with its uncertainty in figures above the closer look, on white where the lines cross it."""
+    """The value with its uncertainty in figures above its mark, and what is allowed."""
     expanded = bar.expanded or 1.0  # a closer look is drawn only where it is stated
     digits = max(1 - math.floor(math.log10(expanded)), 0)
-    words, y = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}".replace("-", "−"), _ZOOM_Y - 32
-    half, middle = text_width(words, 12) / 2 + 4, (near.start + near.end) / 2
-    white = f'<rect x="{middle - half:.1f}" y="{y - 12:g}" width="{2 * half:.1f}" height="16" fill="#fff"/>'
-    return [white, svg_text(middle, y, words, "middle", weight=600)]
+    words, middle = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}".replace("-", "−"), (near.start + near.end) / 2
+    parts = [svg_text(middle, _ZOOM_Y - 14, words, "middle", weight=600, size=_LABEL_PX)]
+    zone = [min(max(near(v), near.start), near.end) for v in (bar.low + bar.guard, bar.high - bar.guard)]
+    reach = text_width(words, _LABEL_PX) / 2 + _GAP
+    wide = text_width(bar.words[3], _LABEL_PX) + 2 * _GAP
+    # In the free part of the zone that is allowed, beside the figures of the value.
+    for left, right in ((zone[0], min(zone[1], middle - reach)), (max(zone[0], middle + reach), zone[1])):
+        if right - left >= wide:
+            return [*parts, svg_text((left + right) / 2, _ZOOM_Y - 14, bar.words[3], "middle", size=_LABEL_PX)]
+    return parts
 
 
 def _bar(bar: LimitBar, across: Scale, y: float, *, named: bool) -> list[str]:
-    low, high = (min(max(across(v), across.start), across.end) for v in (bar.low, bar.high))
-    at, half = across(bar.value), 13 if named else 20
+    low, high, begin, end = (
+        min(max(across(v), across.start), across.end)
+        for v in (bar.low, bar.high, bar.low + bar.guard, max(bar.high - bar.guard, bar.low + bar.guard))
+    )
+    at, half = across(bar.value), 13 if named else _ZOOM_HALF
+    mark_y = y if named else y + 10
     parts = [
         f'<rect x="20" y="{y - half:g}" width="{across.end - across.start:g}" height="{2 * half:g}" fill="#f1f4f6"/>',
-        f'<rect x="{low:.1f}" y="{y - half:g}" width="{high - low:.1f}" height="{2 * half:g}" fill="{_GREEN}"/>',
+        f'<rect x="{low:.1f}" y="{y - half:g}" width="{high - low:.1f}" height="{2 * half:g}" fill="{_AMBER}"/>',
+        f'<rect x="{begin:.1f}" y="{y - half:g}" width="{end - begin:.1f}" height="{2 * half:g}" fill="{_GREEN}"/>',
     ]
     parts += _levels(bar, across, y, half, named=named)
     if bar.expanded is not None:
-        parts += _whiskers(across(bar.value - bar.expanded), across(bar.value + bar.expanded), y)
-    colour = "#0b6a3d" if bar.inside else _RED
-    return [*parts, mark("diamond", at, y, colour, 2.0)]
+        parts += _whiskers(across(bar.value - bar.expanded), across(bar.value + bar.expanded), mark_y)
+    colour = "#0b6a3d" if bar.accepted else _RED
+    return [*parts, mark("diamond", at, mark_y, colour, 2.0)]
 
 
 def _levels(bar: LimitBar, across: Scale, y: float, half: float, *, named: bool) -> list[str]:
@@ -105,7 +120,7 @@ def _levels(bar: LimitBar, across: Scale, y: float, half: float, *, named: bool)
         for at, taken in rows if named else rows[1:]:
             if all(own[1] + _GAP < left or right + _GAP < own[0] for left, right in taken):
                 taken.append(own)
-                parts.append(svg_text(x, at, label, anchor, weight=600))
+                parts.append(svg_text(x, at, label, anchor, weight=600, size=_LABEL_PX))
                 break
     return parts
 

@@ -33,11 +33,12 @@ class ChartTable:
 
 @dataclass(frozen=True, slots=True)
 class Charts:
-    """What is shown, in its order. problem: why a control chart could not be drawn, or ''."""
+    """What is shown, in its order. problem: why a control chart could not be drawn, or ''; headline: the counts."""
 
     figures: tuple[Drawing, ...]
     tables: tuple[ChartTable, ...]
     problem: str = ""
+    headline: str = ""
 
 
 #: English words → those of the reader's language.
@@ -61,7 +62,32 @@ def draw(line: LineStatistics, value: str, size: int, words: Words, *, overview:
     shifts = [_shift_table(line)] if line.shifts else []
     tables = [*(_yields(by, line) for by in YIELD_SPLITS), *shifts, *capability, _tilt_table(line)]
     sentence = words.render(problem) if problem else ""
-    return Charts(tuple(f for f in figures if f), tuple(_translated(table, say) for table in tables), sentence)
+    return Charts(
+        tuple(f for f in figures if f),
+        tuple(_translated(table, say) for table in tables),
+        sentence,
+        _headline(line, value, size, words),
+    )
+
+
+def _headline(line: LineStatistics, value: str, size: int, words: Words) -> str:
+    """Units, yields, and the capability of the value where it has limits."""
+    days = line.yields["day"]
+    units, first = sum(d.units for d in days), sum(d.first_pass for d in days)
+    final, passed = sum(d.final for d in days), sum(d.final_pass for d in days)
+    if not units or not final:
+        return ""
+    shares = {"final": f"{100 * passed / final:.1f}", "first": f"{100 * first / units:.1f}"}
+    told = words.render(Message("charts-headline", units=final, **shares))
+    groups = _groups(line, value, size)
+    lower, upper = limits_of(value, line.recipe.limits) if line.recipe else (None, None)
+    if groups is None or (lower is None and upper is None):
+        return told
+    try:
+        cpk = capability.capability(groups, lower, upper).cpk
+    except UsageError:
+        return told
+    return f"{told} · Cpk {format_number(cpk[0], 3)}"
 
 
 def _translated(table: ChartTable, say: Translate) -> ChartTable:
@@ -164,14 +190,11 @@ def _control(
         raise UsageError("chart-value-unknown", value=value[:40], known=VALUE_NAMES)
     if not 1 <= size <= 25:
         raise UsageError("chart-subgroup-size", size=size)
-    measured = [
-        (m.started_ns, m.values[value]) for m in line.attempts if value in m.values and m.outcome in ("PASS", "FAIL")
-    ]
-    count = len(measured) // size
-    if count < 2:
+    measured = _measured(line, value)
+    groups = _groups(line, value, size)
+    if groups is None:
         return [], [], Message("chart-too-few", value=value, size=size, count=len(measured))
-    used = measured[-count * size :]
-    groups = np.array([v for _, v in used]).reshape(count, size)
+    used = measured[-groups.size :]
     unit = line.recipe.unit if line.recipe and value.split(maxsplit=1)[0] in ("offset", "residual", "noise") else ""
     unit = "s" if value == "cycle time" else unit
     shown = spc.charts(groups)[1:] if size == 1 else spc.charts(groups)  # unit by unit: process_chart
@@ -182,6 +205,20 @@ def _control(
     )
     indices, problem = _capability(line, value, groups)
     return drawn, [*tables, *indices], problem
+
+
+def _measured(line: LineStatistics, value: str) -> list[tuple[int, float]]:
+    """Time and value of every attempt that was judged by it."""
+    return [
+        (m.started_ns, m.values[value]) for m in line.attempts if value in m.values and m.outcome in ("PASS", "FAIL")
+    ]
+
+
+def _groups(line: LineStatistics, value: str, size: int) -> Floats | None:
+    """The newest values in subgroups (count, size); None where there are fewer than two."""
+    values = [v for _, v in _measured(line, value)]
+    count = len(values) // size
+    return np.array(values[-count * size :]).reshape(count, size) if count >= 2 else None
 
 
 def _chart(chart: spc.Chart, value: str, unit: str, size: int, say: Translate) -> Drawing:

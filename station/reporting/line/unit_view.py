@@ -1,6 +1,6 @@
 """What one attempt's page shows first: the value that decided, residuals by position, the neighbours of its day."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -16,7 +16,13 @@ from station.reporting.words import Words
 
 #: A decision as the log keeps it, and an attempt as the audit reads it.
 Document = Mapping[str, Any]
+#: A time of the log → the time of day on an axis.
+Clock = Callable[[int], str]
 _MARKS = ("circle", "triangle", "square")
+_HOUR_NS = 3_600 * 10**9
+#: Of so many other units at least the nest is judged; it is suspected where this share of them missed the limit, and
+#: twice the share of other nests.
+_ENOUGH, _SUSPECT = 5, 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +44,7 @@ def deciding(fit: Document | None, reasons: Sequence[Document], words: Words) ->
     bar = _bar(chosen, words)
     name = words.term(chosen["what"])
     return Deciding(
-        chosen["what"], limit_bar.draw(bar, f"{name}, {_unit(chosen['unit'])}".rstrip(", ")), _margin(chosen, words)
+        chosen["what"], limit_bar.draw(bar, f"{name},{_unit(chosen['unit'])}".rstrip(", ")), _margin(chosen, words)
     )
 
 
@@ -54,7 +60,12 @@ def residual_figure(fit: Document | None, words: Words) -> Drawing | None:
     positions = (fit or {}).get("positions") or ()
     unit = str((fit or {}).get("budget", [{}])[0].get("unit", ""))
     points = [(str(p["name"]), p["residual"], p.get("std_of_mean", (0.0,) * 3)) for p in positions]
-    return _by_position(points, unit, words.render(Message("residuals-by-position")))
+    title = Message("residuals-by-position")
+    limit = next((d["limit"] for d in (fit or {}).get("decisions") or () if d["what"] == "residual"), None)
+    if limit:
+        factor, shown = _readable(unit, limit)
+        title = Message("residuals-within", limit=f"{limit * factor:.3g}", unit=shown)
+    return _by_position(points, unit, words.render(title))
 
 
 def reading_figure(visits: Sequence[Document], unit: str, words: Words) -> Drawing | None:
@@ -71,6 +82,11 @@ def _by_position(
     """points: of each stop its name, and of each axis the value and its standard deviation."""
     if not points:
         return None
+    largest = max(
+        (abs(float(v)) + 2 * abs(float(s)) for _, vs, ss in points for v, s in zip(vs, ss, strict=True)), default=0
+    )
+    factor, unit = _readable(unit, largest)
+    points = [(name, [factor * float(v) for v in vs], [factor * float(s) for s in ss]) for name, vs, ss in points]
     series = []
     for axis in range(len(points[0][1])):
         x = [i + 0.18 * (axis - 1) for i in range(len(points))]
@@ -82,16 +98,24 @@ def _by_position(
 
 
 def neighbours(
-    day: Sequence[AttemptValues], own: AttemptValues, what: str, limits: tuple[float, float] | None, words: Words
+    day: Sequence[AttemptValues],
+    own: AttemptValues,
+    what: str,
+    limits: tuple[float, float] | None,
+    words: Words,
+    clock: Clock,
 ) -> Drawing | None:
     """One value of all attempts of the day: those of the same nest, those of others, and this one."""
     known = [a for a in day if what in a.values and a.started_ns != own.started_ns]
     if what not in own.values or len(known) < 2:
         return None
-    begin = min(a.started_ns for a in [*known, own])
+    begin = min(a.started_ns for a in [*known, own]) // _HOUR_NS * _HOUR_NS
 
     def hours(a: AttemptValues) -> float:
-        return (a.started_ns - begin) / 3.6e12
+        return (a.started_ns - begin) / _HOUR_NS
+
+    def at(hour: float) -> str:
+        return clock(begin + round(hour * _HOUR_NS))
 
     nest, others = [a for a in known if a.nest == own.nest], [a for a in known if a.nest != own.nest]
     groups = (
@@ -104,17 +128,36 @@ def neighbours(
                "dots", colour=colour, mark=shape, links=[(f"/audit/unit?serial={a.serial}", a.serial) for a in group])  # type: ignore[arg-type]
         for group, name, shape, colour in groups if group
     )  # fmt: skip
-    levels = ((limits[0], "LSL"), (limits[1], "USL")) if limits else ()
+    named = zip(("LSL", "USL"), limits, strict=True) if limits else ()
+    levels = tuple((value, f"{name} {value:.5g}".replace("-", "−")) for name, value in named)
     title = words.render(Message("neighbours-title", coefficient=words.term(what), units=len(known) + 1))
-    return plot(Figure(title, "h", words.term(what), series, levels=levels, zero=False))
+    return plot(Figure(title, "", words.term(what), series, levels=levels, zero=False, x_text=at))
 
 
-def nest_sentence(day: Sequence[AttemptValues], own: AttemptValues, what: str, words: Words) -> str:
-    """What other units showed in the same nest that day: the unit or the nest?; '' where there were none."""
-    others = [a.values[what] for a in day if a.nest == own.nest and a.serial != own.serial and what in a.values]
-    if not others:
+def nest_sentence(
+    day: Sequence[AttemptValues], own: AttemptValues, what: str, limits: tuple[float, float] | None, words: Words
+) -> str:
+    """The unit or the nest? What other units showed in the same nest that day; '' where there were none.
+
+    limits: of a value that decided against the unit; None where it did not.
+    """
+    others = [a for a in day if a.serial != own.serial and what in a.values]
+    there = [a.values[what] for a in others if a.nest == own.nest]
+    elsewhere = [a.values[what] for a in others if a.nest != own.nest]
+    if not there:
         return ""
-    return words.render(Message("nest-of-the-day", nest=own.nest, units=len(others), median=f"{median(others):.5g}"))
+    known: dict[str, str | int] = {"nest": own.nest, "units": len(there)}
+    known["median"] = f"{median(there):.5g}".replace("-", "−")
+    if limits is None or len(there) < _ENOUGH:
+        return words.render(Message("nest-of-the-day", **known))
+    missed, missed_elsewhere = (sum(not limits[0] <= v <= limits[1] for v in values) for values in (there, elsewhere))
+    if not missed:
+        return words.render(Message("nest-is-well", **known))
+    if missed >= _SUSPECT * len(there) and missed * len(elsewhere) >= 2 * missed_elsewhere * len(there):
+        return words.render(
+            Message("nest-is-suspect", **known, missed=missed, others=len(elsewhere), missed_there=missed_elsewhere)
+        )
+    return words.render(Message("nest-missed", **known, missed=missed))
 
 
 def limits_of_value(fit: Document | None, what: str) -> tuple[float, float] | None:
@@ -129,17 +172,25 @@ def limits_of_value(fit: Document | None, what: str) -> tuple[float, float] | No
 def _bar(d: Document, words: Words) -> LimitBar:
     target = float(coefficients.NOMINAL[coefficients.NAMES.index(d["what"])])
     names = tuple(words.render(Message(f"bar-{name}")) for name in ("lower", "target", "upper", "allowed"))
-    expanded = d["expanded"]
-    return LimitBar(target + d["value"], expanded, target - d["limit"], target + d["limit"], target, names)  # type: ignore[arg-type]
+    expanded, guard = d["expanded"], float(d.get("guard") or 0.0)
+    return LimitBar(target + d["value"], expanded, target - d["limit"], target + d["limit"], target, names, guard)  # type: ignore[arg-type]
 
 
 def _margin(d: Document, words: Words) -> str:
     """How far beyond or within the limit, in units of U where U is known."""
     beyond, expanded = abs(d["value"]) - d["limit"], d["expanded"]
     ratio = f"{abs(beyond) / expanded:.1f}" if expanded else "–"
+    distance, unit = f"{abs(beyond):.3g}", _unit(d["unit"])
+    if beyond <= 0 and d["margin"] < 0:
+        return words.render(Message("margin-in-guard", distance=distance, guard=f"{d['guard']:.3g}", unit=unit))
     id_ = "margin-beyond" if beyond > 0 else "margin-within"
-    return words.render(Message(id_, distance=f"{abs(beyond):.3g}", unit=_unit(d["unit"]), ratio=ratio))
+    return words.render(Message(id_, distance=distance, unit=unit, ratio=ratio))
 
 
 def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
+    return "" if unit == "1" else f" {unit}"
+
+
+def _readable(unit: str, largest: float) -> tuple[float, str]:
+    """Factor and unit in which small figures are read without zeros."""
+    return (1e3, "mg") if unit == "g" and 0 < largest < 0.1 else (1.0, unit)
