@@ -7,13 +7,16 @@ long goes test by test, wherever there is room.
 from xdist.scheduler import LoadScopeScheduling
 
 #: Files and folders whose tests share something that is started or computed once: the guest kernel, a PostgreSQL, what
-#: a diagnosis makes of chance alone.
+#: a diagnosis makes of chance alone, the syntax trees of the package.
 TOGETHER = {
     "tests/vcan/": "vcan",
     "tests/plant/": "plant",
     "tests/blind/": "diagnosis",
     "tests/conformance/test_signatures.py": "diagnosis",
     "tests/conformance/test_degenerate.py": "diagnosis",
+    "tests/conformance/test_languages.py": "source",
+    "tests/unit/test_messages.py": "source",
+    "tests/unit/test_names.py": "source",
 }
 #: Where the tests share nothing, and last long.
 APART = ("tests/browser/test_shift.py",)
