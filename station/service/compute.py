@@ -112,7 +112,7 @@ def _verified(visit: Visit, true: Floats, strength: float, unit: Unit, job: Job)
     output, fit = visit.readings, unit.fit
     if fit is None or fit.calibration is None:
         return verification.VerifiedPosition(visit.position, np.asarray(output.mean(axis=0)), true, strength)
-    if job.product.map.switch is None and job.product.map.sends != "compensated":
+    if not job.product.map.corrects:
         output = fit.calibration.correct(output)
     cov = verification.error_covariance(fit, job.recipe, true, output)
     own = verification.measured_covariance(fit, job.recipe, (visit.position, visit.seating), true, output)

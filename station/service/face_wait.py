@@ -6,9 +6,10 @@ import numpy as np
 
 from station.domain.can.decode import Samples
 from station.domain.can.sample_decoder import SampleDecoder
-from station.domain.capture.rest_detection import angle_deg, at_rest, expected_noise, face, has_direction
-from station.domain.capture.visit_check import FACE_DEG
+from station.domain.capture import turn_check
+from station.domain.capture.rest_detection import FACE_DEG, angle_deg, at_rest, expected_noise, face, has_direction
 from station.domain.core.types import Floats, Frames
+from station.domain.recipe import sensor
 from station.domain.recipe.plan import PlannedVisit
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
@@ -22,6 +23,9 @@ HOLD_READINGS = 16
 HOLD_BY_HAND_S = 0.6
 #: Where any pose will do, the next one is so far from the last, degrees.
 POSE_CHANGE_MIN_DEG = 15.0
+#: Where the first position cannot be told from the readings, it counts once the fixture was turned, or stood still for
+#: so long, s: it may have stood there already.
+FIRST_STANDS_S = 10.0
 #: A fixture turns all nests alike: a nest that shows something else while others have been right and still for so
 #: long, s, is not waited for. It is measured with them, and the visit's check says what is wrong with it.
 OUTVOTED_S = 30.0
@@ -36,7 +40,7 @@ class FaceWait:
     """
 
     def __init__(self, units: Sequence[Unit], job: Job, planned: PlannedVisit, begun_s: float, face_s: float) -> None:
-        self._units, self._recipe, self._planned = units, job.recipe, planned
+        self._units, self._recipe, self._planned, self._map = units, job.recipe, planned, job.product.map
         self._decoders = [SampleDecoder(job.layout, unit.seat.node) for unit in units]
         self._noise, self._lsb = expected_noise(job.recipe), max(abs(axis.scale) for axis in job.layout.axes)
         self._window_s = window_s(HOLD_BY_HAND_S, job.recipe)
@@ -46,7 +50,7 @@ class FaceWait:
         self._heard: set[str] = set()
         self._readable: set[str] = set()
         self._unreadable: set[str] = set()
-        self._turned = False
+        self._turned, self._stands_at_s, self._stands = False, begun_s + FIRST_STANDS_S, False
         self._shown: Mapping[str, Message | None] = {}
         self.over = False
         self.silent: tuple[Unit, ...] = ()
@@ -54,6 +58,7 @@ class FaceWait:
     def look(self, newest: Frames, now_s: float, now_ns: int) -> None:
         """The frames that came since the last look; now_s: monotonic, now_ns: on the frames' clock."""
         from_ns = now_ns - round(self._window_s * 1e9)
+        self._stands = now_s >= self._stands_at_s
         windows: dict[str, Floats] = {}
         for unit, decoder in zip(self._units, self._decoders, strict=True):
             decoder.add(newest)
@@ -105,17 +110,30 @@ class FaceWait:
             return Message("nest-not-still", nest=nest)
         mean = np.asarray(window.mean(axis=0))
         if not self._recipe.pose_known:
-            same = unit.last_mean is not None and angle_deg(mean, unit.last_mean) < POSE_CHANGE_MIN_DEG
+            last = unit.last_shown
+            same = last is not None and angle_deg(mean, last[0]) < POSE_CHANGE_MIN_DEG
             return Message("same-face-up", nest=nest) if same else None
         true = self._planned.true
-        if not has_direction(true, self._recipe) or angle_deg(mean, true) <= FACE_DEG:
-            return None
-        return Message("other-face-up", nest=nest, face=face(mean))
+        if has_direction(true, self._recipe):
+            return None if angle_deg(mean, true) <= FACE_DEG else Message("other-face-up", nest=nest, face=face(mean))
+        return None if self._shows(unit, mean) else Message("other-position", nest=nest)
+
+    def _shows(self, unit: Unit, mean: Floats) -> bool:
+        """Whether a unit whose readings have no face of their own shows the position that was asked for."""
+        recipe, true = self._recipe, self._planned.true
+        if not sensor.of(recipe).large_offset:
+            return True
+        found = None if unit.fit is None else unit.fit.calibration
+        if found is not None:
+            return turn_check.shows_calibrated(mean if self._map.corrects else found.correct(mean), true, recipe)
+        if unit.last_shown is None and not recipe.converts:
+            return self._turned or self._stands
+        return turn_check.shows(mean, true, unit.last_shown, recipe)
 
     def _agrees(self, windows: Mapping[str, Floats], serial: str, right: Sequence[str]) -> bool:
         """Whether a nest that is still, but not right, shows what a right one does: it lies at the limit of both."""
         message = self._shown[serial]
-        if message is None or message.id == "nest-not-still":
+        if message is None or message.id != "other-face-up":
             return False
         mean = np.asarray(windows[serial].mean(axis=0))
         return any(angle_deg(mean, np.asarray(windows[other].mean(axis=0))) <= FACE_DEG for other in right)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from station.domain.can.error_frames import error_frames
-from station.domain.capture.rest_detection import face
+from station.domain.capture import turn_check
 from station.domain.capture.visit import CapturedVisit, Visit
 from station.domain.capture.visit_check import check, statistics
 from station.domain.core import rotation
@@ -200,7 +200,7 @@ class VisitMeasurement:
             records.append(record if not self._angles_deg else _with_angles(record, self._angles_deg))
             if not reasons:
                 (unit.visits if kind == "tumble" else unit.verify_visits).append(visit)
-                unit.last_mean = visit.readings.mean(axis=0)
+                unit.last_shown = visit.readings.mean(axis=0), planned.true
                 unit.noise = max(unit.noise or 0.0, float(visit.readings.std(axis=0, ddof=1).max()))
         self._station.store.visit([u.attempt for u in units], records)
 
@@ -210,7 +210,7 @@ class VisitMeasurement:
             return None
         if not np.isfinite(planned.true).all():
             return Message("turn-to-new-direction")
-        return Message("turn-to-position", position=planned.position, face=face(planned.true))
+        return turn_check.instruction(planned.position, planned.true, self._job.recipe)
 
 
 def _visit_record(

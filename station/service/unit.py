@@ -46,7 +46,7 @@ class Unit:
 
     noise in the recipe's unit; heartbeat_s: 0 for none; heard: heartbeats until the first visit began, and when
     that was, s; emergency: an error that the device has reported and not
-    taken back; last_mean (3): of the last good visit.
+    taken back; last_shown: mean reading (3) and truth (3) of the last good visit.
     """
 
     seat: NestAssignment
@@ -65,7 +65,7 @@ class Unit:
     heartbeat_s: float = 0.0
     heard: tuple[int, float] | None = None
     emergency: Message | None = None
-    last_mean: Floats | None = None
+    last_shown: tuple[Floats, Floats] | None = None
     noise: float | None = None
     temperature_degC: float | None = None
     visits: list[Visit] = field(default_factory=list)

@@ -134,7 +134,7 @@ _SENDING = _rows(
     ("it maps other objects in the tumble", "device remap:after_s=6", ERROR, "its PDO 1 maps other objects than"),
     (
         "it maps other objects, and its readings fail for it",
-        "device remap:after_s=6 and stuck-axis:value=1",
+        "device remap:after_s=1 and stuck-axis:value=1",
         ERROR,
         "its PDO 1 maps other objects than",
     ),

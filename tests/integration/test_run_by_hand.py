@@ -81,8 +81,26 @@ def test_each_face_is_asked_for_and_recognised(tmp_path: Path) -> None:
     assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
     requested = [render(e.instruction) for e in ran.of(VisitStarted) if e.instruction]
     assert requested[2] == "Bring position 'x-up' up (+x of the unit) and let go."
+    assert requested[7] == "Bring position 'verify-tilt' up (45° from +y towards +z of the unit) and let go."
     assert len(requested) == 8
     assert not ran.of(Notice)
+
+
+@pytest.mark.parametrize(
+    "recipe", ["magnetometer-three-point", "magnetometer-six-point", "inclinometer-n-point", "inclinometer-zero"]
+)
+def test_readings_whose_direction_says_nothing_show_a_turn_too(tmp_path: Path, recipe: str) -> None:
+    """Hard iron as large as the field, and angles: nothing is measured before the fixture was turned."""
+    ran = fixture_run.run(tmp_path, units=2, recipe=recipe, wrap=by_hand())
+    assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
+    assert not ran.of(Notice)
+
+
+def test_another_position_than_the_wanted_one_is_told_from_a_magnetometer_too(tmp_path: Path) -> None:
+    ran = fixture_run.run(tmp_path, recipe="magnetometer-six-point", wrap=by_hand({"x-up": "y-down"}))
+    assert {r.outcome for r in ran.results.values()} == {Outcome.PASS}
+    (shown,) = sentences(ran.of(Notice))
+    assert shown == "Nest A shows another position. Bring position 'x-up' up (+x of the unit) and let go."
 
 
 def test_a_wrong_face_gets_a_sentence_and_not_a_failed_unit(tmp_path: Path) -> None:

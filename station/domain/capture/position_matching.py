@@ -10,8 +10,7 @@ from station.domain.can.decode import decode_samples
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.capture import rest_segments
 from station.domain.capture.annotations import Annotation
-from station.domain.capture.rest_detection import angle_deg
-from station.domain.capture.visit_check import FACE_DEG
+from station.domain.capture.rest_detection import FACE_DEG, angle_deg
 from station.domain.core.types import Floats, Frames
 from station.domain.recipe.position import Position
 from station.domain.recipe.recipe import Recipe

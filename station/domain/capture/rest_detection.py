@@ -12,6 +12,8 @@ MIN_READINGS = 8
 MOVED = 4.0
 #: A stimulus below this share of the recipe's strongest says nothing about which way is up.
 WEAK = 0.1
+#: A unit's own reading may lie this far from the face that is up before it counts as another face.
+FACE_DEG = 25.0
 #: Noise that nobody has specified, as a share of the stimulus.
 UNKNOWN_NOISE = 0.005
 

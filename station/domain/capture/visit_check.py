@@ -5,7 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from station.domain.can.sensor_layout import SensorLayout
-from station.domain.capture.rest_detection import angle_deg, compare_halves, expected_noise, face, has_direction
+from station.domain.capture.rest_detection import (
+    FACE_DEG,
+    angle_deg,
+    compare_halves,
+    expected_noise,
+    face,
+    has_direction,
+)
 from station.domain.capture.visit import Visit
 from station.domain.core.types import Floats, Reason
 from station.domain.recipe.recipe import Recipe
@@ -15,8 +22,6 @@ from station.messages import Message, render
 STATION_CHECKS = frozenset(
     {"silent", "kernel-drops", "not-still", "wrong-face", "temperature", "gold-silent", "foreign-sender"}
 )
-#: A unit's own reading may lie this far from the face that is up before it counts as another face.
-FACE_DEG = 25.0
 #: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.
 MIN_FRAME_SHARE = 0.9
 #: The rate is known to so many readings of a dwell; less than RATE_LEAST is left to the diagnosis.

@@ -328,6 +328,11 @@ class DeviceMap(StrictModel):
         return self.matrix is not None or self.offset is not None
 
     @property
+    def corrects(self) -> bool:
+        """Whether the device's own output is corrected once it has its coefficients; else the station corrects it."""
+        return self.switch is not None or self.sends == "compensated"
+
+    @property
     def switch(self) -> OutputSwitch | None:
         """The output switch, where there is one."""
         return self.output if isinstance(self.output, OutputSwitch) else None
