@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from station.cli import _output
 from station.config.search_path import shipped_folder
@@ -84,6 +85,8 @@ def draft_product(request: InitRequest, *, as_json: bool) -> int:
     if request.dbc is None and request.eds is not None:
         return _draft_dbc(request, request.eds, as_json=as_json)
     draft = _from_nothing(request) if request.dbc is None else _from_files(request)
+    if request.eds is not None:
+        _refuse_contradiction(request.eds, request.dbc, draft)
     _write(request.folder, draft.texts)
     recipe = str(Path("recipes") / f"{draft.recipe}.yaml")
     with chdir(request.folder):
@@ -262,6 +265,17 @@ def _write(folder: Path, texts: Mapping[Path, bytes]) -> None:
                 file.write(content)
     except OSError as exc:
         raise UsageError("file-not-written", file=str(folder), why=system_reason(exc)) from exc
+
+
+def _refuse_contradiction(eds: Path, dbc: Path | None, draft: DraftFiles) -> None:
+    """Files of the device that contradict each other are corrected first: nothing is drafted. Errors: ProductError."""
+    with TemporaryDirectory() as name:
+        _write(Path(name), draft.texts)
+        with chdir(name):
+            problem = _problem(str(Path("recipes") / f"{draft.recipe}.yaml"))
+    if problem is not None and problem.message.id == "frames-contradict-eds":
+        mismatches = problem.message.parameters["mismatches"]
+        raise ProductError("init-files-contradict", dbc=str(dbc), eds=str(eds), mismatches=mismatches)
 
 
 def _problem(recipe: str) -> InputError | None:

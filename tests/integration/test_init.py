@@ -370,3 +370,13 @@ def test_a_device_that_cannot_be_told_to_save_is_not_told(here: Path) -> None:
     (here / "maker.eds").write_text(text, "latin-1")
     run_command(["init", "one", "--no-run", "--dbc", str(SHIPPED / "accelerometer.dbc"), "--eds", "maker.eds"])
     assert load_job("recipes/one-six-point.yaml")[0].product.map.save is None
+
+
+def test_files_that_contradict_each_other_are_refused_before_anything_is_written(here: Path) -> None:
+    dbc, eds = renamed(here, "accelerometer")
+    text = eds.read_text("latin-1")
+    eds.write_text(re.sub(r"(\[1A00sub5\][^\[]*DefaultValue=0x\w{6})10", r"\g<1>08", text), "latin-1")
+    before = set(here.rglob("*"))
+    with pytest.raises(ProductError, match=r"maker\.dbc contradicts the PDO mapping of .*maker\.eds: .* Nothing was"):
+        run_command(["init", "new-one", "--dbc", str(dbc), "--eds", str(eds)])
+    assert set(here.rglob("*")) == before
