@@ -22,7 +22,7 @@ from station.web import language, render
 from station.web.guard import parse_whole_number, require_right
 from station.web.line_cache import DAY_NS
 from station.web.panel import Panel
-from station.web.query_form import query_of
+from station.web.query_form import query_of, whole_number
 from station.web.sessions import Session
 
 #: The page looks at so many of the newest attempts, and over so many days where it is not told.
@@ -39,7 +39,7 @@ async def show(request: Request, session: Session) -> Response:
     size = parse_whole_number(request.query_params.get("size", "1"))
     if size is None:
         raise UsageError("subgroup-size")
-    first, last, change = (parse_whole_number(request.query_params.get(k, "")) or 0 for k in CHOICE_FIELDS)
+    first, last, change = (whole_number(request.query_params.get(k, "")) or 0 for k in CHOICE_FIELDS)
     panel: Panel = request.app.state.panel
     words = language.words(language.of_request(request))
     line = await run_in_threadpool(_statistics, panel, filters)

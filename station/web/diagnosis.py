@@ -24,8 +24,8 @@ MOST_COMPARED = 500
 #: The report is one page with its style and figures in it, and no script; only our own page may frame it.
 _REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; sandbox"
 _FRAMING_POLICY = (
-    "default-src 'none'; img-src 'self' data:; style-src 'self'; frame-src 'self'; frame-ancestors 'none'; "
-    "base-uri 'none'; form-action 'self'"
+    "default-src 'none'; connect-src 'self'; img-src 'self' data:; style-src 'self'; script-src 'self'; "
+    "frame-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
 )
 
 

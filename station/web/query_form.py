@@ -38,13 +38,22 @@ def query_of(parameters: Mapping[str, str]) -> Query:
         raise UsageError("span-reversed", since=given["since"][:40], until=given["until"][:40])
     return Query(
         **serial_filter(given.get("serial")),
-        recipe_version=parse_whole_number(given.get("recipe_version", "")),
+        recipe_version=whole_number(given.get("recipe_version", "")),
         outcome=_outcome(given.get("outcome")),
         since_ns=since_ns,
         until_ns=until_ns,
-        before=parse_whole_number(parameters.get("before", "")),
+        before=whole_number(parameters.get("before", "")),
         **{k: given[k] for k in COLUMN_FIELDS if k in given},
     )
+
+
+def whole_number(text: str) -> int | None:
+    """The number in a field; None where it is empty. A field that is not understood must not be one that is not asked.
+    Errors: UsageError."""
+    number = parse_whole_number(text.strip())
+    if number is None and text.strip():
+        raise UsageError("page-not-a-number", text=text[:40])
+    return number
 
 
 def _outcome(text: str | None) -> str | None:

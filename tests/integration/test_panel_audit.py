@@ -57,6 +57,8 @@ def test_containment_is_one_question(client: TestClient) -> None:
     assert client.get("/audit", params=requested | {"firmware": "1.0.0"}).text == "SN0001\n"
     assert client.get("/audit", params=requested | {"firmware": "9.9"}).text == ""
     assert client.get("/audit", params={"since": "yesterday-ish"}).status_code == 400
+    assert client.get("/audit", params={"recipe_version": "one"}).status_code == 400
+    assert client.get("/charts", params={"first": "x"}).status_code == 400
 
 
 def test_a_question_is_saved_asked_again_and_forgotten(client: TestClient, folder: Path) -> None:

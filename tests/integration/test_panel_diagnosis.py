@@ -1,5 +1,6 @@
 """The engineer picks units on the audit page and reads the report of their diagnosis."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -35,7 +36,10 @@ def test_picked_units_are_diagnosed_and_the_report_opens(tmp_path: Path) -> None
         begun = client.post("/diagnose", data=token | {"serial": ["SN0001", "SN0002"]})
         assert begun.status_code == 303
         at = begun.headers["location"]
-        assert "diagnosed" in client.get(at).text
+        under_way = client.get(at).text
+        assert "diagnosed" in under_way
+        assert "<script src=" in under_way.partition("<noscript>")[0]
+        assert "http-equiv" not in re.sub(r"<noscript>.*?</noscript>", "", under_way), "no page reloads under a reader"
         (child,) = panel.children.values()
         child.wait(280)
         page = client.get(at)
