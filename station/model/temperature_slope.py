@@ -76,7 +76,8 @@ def _stiffness(kinds: Sequence[RunTemperatures]) -> tuple[float, float]:
 
 
 def _likelihoods(runs: RunTemperatures) -> tuple[Floats, Floats]:
-    """log|V| + log|BᵀV⁻¹B| and the sum of squares left of runs (r, n) together at each of RATIOS, noise of variance 1.
+    """log|V| + log|BᵀV⁻¹B| and the sum of squares left of runs (r, n) together at each of STIFFNESS_RATIOS; the
+    noise has variance 1.
 
     Across the straight line B, V = I + ratio · C has the same eigenvectors at every ratio.
     """

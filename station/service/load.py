@@ -231,8 +231,8 @@ class Load:
         if turn is None:
             action = Message("turn-units-home", number=number + 1)
         else:
-            axis = _axis_name(turn.axis)
-            action = Message("turn-units", number=number + 1, angle_deg=turn.angle_deg, axis=axis, seating=seating)
+            angle_deg, axis = turn.angle_deg, turn.axis_name
+            action = Message("turn-units", number=number + 1, angle_deg=angle_deg, axis=axis, seating=seating)
         yield from self._ask(action)
         self._seated(number, seating, powered=False)
         for unit in self._alive:  # turned units may have been unplugged for it
@@ -390,11 +390,3 @@ def _without_events(step: Callable[[], None]) -> Iterator[Event]:
     """A step that has nothing to tell."""
     step()
     yield from ()
-
-
-def _axis_name(axis: Sequence[float]) -> str:
-    """x, -z, or the vector itself where it is no axis of the station."""
-    parts = [(name, value) for name, value in zip("xyz", axis, strict=True) if value]
-    if len(parts) == 1:
-        return parts[0][0] if parts[0][1] > 0 else f"-{parts[0][0]}"
-    return f"[{', '.join(f'{value:g}' for value in axis)}]"

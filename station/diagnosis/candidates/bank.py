@@ -22,7 +22,6 @@ from station.diagnosis.linear.projection import DataColumns
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
 from station.model.effect import Effect, GoldEffect, PoseEffect, SensorEffect, StimulusEffect
-from station.model.effects.disturbed_visit import DisturbedVisit
 from station.model.temperature_polynomial import TemperaturePolynomial
 
 #: Causes that are part of the noise floor.
@@ -239,18 +238,6 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
         columns = StopColumns.of(*view.signature(shaped))
         found += [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(effect, view)]
     return [_with_covariate_error(_with_even_powers(c), view) for c in found]
-
-
-def disturbed_readings(view: ResidualView) -> list[Candidate]:
-    """A visit whose reading is wrong by anything, not by a turn alone: a part that still moved, or was bumped. Where
-    only lengths are known, a length."""
-    code, names = view.scene.group("visit")
-    if len(names) < 2:
-        return []
-    anything = np.broadcast_to(np.eye(3), (len(code), 3, 3)).copy()
-    if view.grid.k == 1:
-        anything = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
-    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, StopColumns.of(anything))]
 
 
 def _with_even_powers(c: Candidate) -> Candidate:

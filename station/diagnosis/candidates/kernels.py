@@ -20,6 +20,7 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
 from station.model.effect import Effect
+from station.model.effects.disturbed_visit import DisturbedVisit
 from station.model.forward import resting_stimulus
 
 #: The words of `unknown.depends_on`.
@@ -300,3 +301,15 @@ def _packed(code: Array) -> tuple[NDArray[np.int32], tuple[str, ...]]:
     """Codes without gaps, and names for them."""
     names, packed = np.unique(code, return_inverse=True)
     return packed.astype(np.int32), tuple(f"group:{n}" for n in names)
+
+
+def disturbed_readings(view: ResidualView) -> list[Candidate]:
+    """A visit whose reading is wrong by anything, not by a turn alone: a part that still moved, or was bumped. Where
+    only lengths are known, a length."""
+    code, names = view.scene.group("visit")
+    if len(names) < 2:
+        return []
+    anything = np.broadcast_to(np.eye(3), (len(code), 3, 3)).copy()
+    if view.grid.k == 1:
+        anything = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
+    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, StopColumns.of(anything))]

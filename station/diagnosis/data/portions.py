@@ -17,7 +17,7 @@ from station.diagnosis.data.faults.healthy_units import HealthyUnits
 from station.diagnosis.data.faults.tone_search import ToneExtent, ToneSearch
 from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.data.reduce import ReducedPart, ReducedScene, join_parts, reduce_part
-from station.diagnosis.data.samples import Samples
+from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
 from station.diagnosis.data.visit_noise import NoiseTally
 from station.domain.core.joined_tables import join
@@ -71,7 +71,7 @@ def reduce_portions(recipe: Recipe, portions: Portions) -> PortionedTable | None
     if tones is not None and tones.strongest() is not None:
         return None
     means = join([part.means for part in parts])
-    used = Samples(found.samples, means.unit.names, lambda: _used_portions(portions, found.kept))
+    used = SampleSource(found.samples, means.unit.names, lambda: _used_portions(portions, found.kept))
     driven = found.extent is not None and found.extent.is_driven
     hidden = undetectable_faults(recipe, found.columns, found.samples, len(means), driven=driven)
     return PortionedTable(

@@ -12,7 +12,7 @@ from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data import input_checks
 from station.diagnosis.data.faults import GrossFault, Inspection, inspect
 from station.diagnosis.data.reduce import ReducedScene, reduce_samples
-from station.diagnosis.data.samples import Samples
+from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
@@ -55,7 +55,7 @@ class Diagnosis:
     """
 
     recipe: Recipe
-    samples: Samples
+    samples: SampleSource
     inspection: Inspection
     search_result: SearchResult
     last: ScoringProblem
@@ -96,11 +96,16 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     inspected = inspect(recipe, recut(recipe, table.used()).table)
     input_checks.check_unclipped(table, inspected.table)
     reduced = reduce_samples(recipe, inspected.table)
-    return diagnose_reduced(recipe, Samples.of(table), inspected, reduced, model, null_of)
+    return diagnose_reduced(recipe, SampleSource.of(table), inspected, reduced, model, null_of)
 
 
 def diagnose_reduced(
-    recipe: Recipe, samples: Samples, inspected: Inspection, reduced: ReducedScene, model: Model, null_of: NullFactory
+    recipe: Recipe,
+    samples: SampleSource,
+    inspected: Inspection,
+    reduced: ReducedScene,
+    model: Model,
+    null_of: NullFactory,
 ) -> Diagnosis:
     """The same of samples that were inspected and reduced already."""
     known = {effect.effect for effect in model.effects}

@@ -8,7 +8,7 @@ import numpy as np
 
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import FormEstimate
-from station.diagnosis.data.samples import Samples
+from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.discovery.covariates import term_covariates
 from station.diagnosis.discovery.discover import MAX_TERMS, AlarmOnRest, Discovery, FoundTerm, ThresholdOf, discover
 from station.diagnosis.discovery.scan import scanned_units
@@ -58,7 +58,7 @@ def propose_formula(
     searched: SearchResult,
     last: ScoringProblem,
     paying: Sequence[AcceptedCause],
-    samples: Samples,
+    samples: SampleSource,
     threshold_of: ThresholdOf | None = None,
     most_terms: int = MAX_TERMS,
 ) -> Hypotheses:
@@ -71,7 +71,7 @@ def propose_formula(
     return _accepted(found, data_hash(samples))
 
 
-def data_hash(samples: Samples) -> str:
+def data_hash(samples: SampleSource) -> str:
     """SHA-256 of times and readings, its first 16 digits."""
     digest = hashlib.sha256()
     for name in ("time_s", "reading"):

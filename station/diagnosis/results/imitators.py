@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates.nuisance import AcceptedCause, accepted_columns
-from station.diagnosis.data.samples import Samples
+from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.discovery.discover import MAX_TERMS
 from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.rest import is_noise, visit_noise
@@ -47,7 +47,7 @@ class Explanation:
 
 
 def simplest_explanation(
-    searched: SearchResult, last: ScoringProblem, paying: Sequence[AcceptedCause], samples: Samples, *, whole: bool
+    searched: SearchResult, last: ScoringProblem, paying: Sequence[AcceptedCause], samples: SampleSource, *, whole: bool
 ) -> Explanation:
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
     that gain on held-out data; whole: whether these leave nothing."""

@@ -9,7 +9,6 @@ from station.diagnosis.candidates.bank import (
     build_bank,
     candidates,
     cause_library,
-    disturbed_readings,
     is_testable,
 )
 from station.diagnosis.candidates.free_visits import says_nothing
@@ -36,7 +35,7 @@ def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
     """Every cause and kernel that these data could show."""
     effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
     items = [c for e in effects for c in candidates(e, view)]
-    items = [*items, *generic.kernel_candidates(view), *disturbed_readings(view)]
+    items = [*items, *generic.kernel_candidates(view), *generic.disturbed_readings(view)]
     return tuple(c for c in items if not says_nothing(c, view))
 
 

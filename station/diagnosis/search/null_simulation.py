@@ -1,8 +1,8 @@
 """Readings by chance alone: null data sets drawn from the floor, and what the whole bank makes of them.
 
-A fleet beyond CROWD units is drawn as several copies of some of its units: what a set says is a sum over units, and
-the sums of the copies are dealt in other orders, so that every set gets other chances from each copy. The mean of a
-sum of c copies is then known to √(c / SETS) of its spread.
+A fleet beyond MAX_DRAWN_UNITS units is drawn as several copies of some of its units: what a set says is a sum over
+units, and the sums of the copies are dealt in other orders, so that every set gets other chances from each copy. The
+mean of a sum of c copies is then known to √(c / NULL_SETS) of its spread.
 """
 
 from collections.abc import Iterator, Sequence

@@ -24,7 +24,7 @@ STATION_CHECKS = frozenset(
 )
 #: Of the frames that the rate promises, so many must come: clocks and the dwell's ends cost a few.
 MIN_FRAME_SHARE = 0.9
-#: The rate is known to so many readings of a dwell; less than RATE_LEAST is left to the diagnosis.
+#: The rate is known to so many readings of a dwell; less than MIN_RATE_DEVIATION is left to the diagnosis.
 RATE_COUNTS, MIN_RATE_DEVIATION = 3.0, 0.02
 #: More frames than the rate promises by this share, out of turn, are another sender's: clocks are never so wrong.
 EXCESS_SHARE = 0.01

@@ -81,7 +81,7 @@ def _between(curve: Floats, before: NDArray[np.intp], share: Floats) -> Floats:
 
 
 def dwell_noise(reading: Floats, longest: int) -> DwellNoise:
-    """What dwells (u, n, 3) of at least FEWEST readings tell; longest: see reach_of."""
+    """What dwells (u, n, 3) of at least MIN_READINGS readings tell; longest: see reach_of."""
     x = np.ascontiguousarray(reading.transpose(0, 2, 1))
     units, _, n = x.shape
     _, deviation, _ = dwell_statistics.deviations(x, dwell_statistics.least_step(x))

@@ -1,6 +1,6 @@
 """Positions in the order of the least moving time: a path through all of them from where the fixture stands.
 
-Up to EXACT positions the optimum itself (Bellman 1962, J. ACM 9; Held & Karp 1962, J. SIAM 10); beyond, 2-opt and
+Up to MAX_EXACT positions the optimum itself (Bellman 1962, J. ACM 9; Held & Karp 1962, J. SIAM 10); beyond, 2-opt and
 Or-opt from several nearest-neighbour paths, kicked out of their optima (Martin, Otto & Felten 1991). Costs may differ
 both ways. The same costs give the same order on every day.
 """
@@ -27,7 +27,7 @@ TIE_S = 1e-9
 @dataclass(frozen=True, slots=True, eq=False)
 class MoveTimes:
     """Moving times, s. between (n, n): from row to column; start (n): from where the fixture stands; end (n): to where
-    it goes afterwards, 0 where that does not matter. NEVER stands where a move must not be."""
+    it goes afterwards, 0 where that does not matter. FORBIDDEN_S stands where a move must not be."""
 
     between: Floats
     start: Floats

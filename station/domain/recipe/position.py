@@ -24,6 +24,14 @@ class Turn(StrictModel):
             raise InvalidValue("axis-without-length")
         return self
 
+    @property
+    def axis_name(self) -> str:
+        """x, -z, or the vector itself where it is no axis of the station."""
+        parts = [(name, value) for name, value in zip("xyz", self.axis, strict=True) if value]
+        if len(parts) == 1:
+            return parts[0][0] if parts[0][1] > 0 else f"-{parts[0][0]}"
+        return f"[{', '.join(f'{value:g}' for value in self.axis)}]"
+
     def matrix(self) -> Floats:
         """The rotation as a matrix, not to be written to."""
         return _rotation_about(self.axis, self.angle_deg)

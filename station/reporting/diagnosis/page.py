@@ -1,4 +1,4 @@
-"""The report as a value: what stands on the page, in order. `page_of` makes it; a template only lays it out."""
+"""The report as a value: what stands on the page, in order. `build_page` makes it; a template only lays it out."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

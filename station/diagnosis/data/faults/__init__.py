@@ -18,7 +18,7 @@ from station.diagnosis.data.faults import (
     stuck_bits,
 )
 from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
-from station.diagnosis.data.samples import Samples
+from station.diagnosis.data.sample_source import SampleSource
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.scene import visits_scene_of_table
@@ -32,7 +32,7 @@ class Inspection:
     and causes of the bank that were looked for here already."""
 
     faults: tuple[GrossFault, ...]
-    samples: Samples
+    samples: SampleSource
     undetectable: tuple[str, ...]
     tested: tuple[str, ...] = ()
 
@@ -74,7 +74,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     found = [f for f in found if not f.rejected]
     driven = "motor" in table.values and float(np.ptp(table.values["motor"])) > 0.0
     hidden = undetectable_faults(recipe, table.values, len(table), len(scene.visits), driven=driven)
-    return Inspection(tuple(found), Samples.of(usable), hidden, gold_reference.testable_causes(recipe, table))
+    return Inspection(tuple(found), SampleSource.of(usable), hidden, gold_reference.testable_causes(recipe, table))
 
 
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:

@@ -41,7 +41,7 @@ class _Regressions:
 
 
 def fit_shared(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit | None:
-    """The short way (`_even`), right for units that it calls consistent; None where for none."""
+    """The short way (`_shared_fit`), right for units that it calls consistent; None where for none."""
     if problem.nuisance.shape[1] or problem.axes < 3 or not _one_truth(problem) or not _all_poses_differ(problem):
         return None
     variance, even = _variances_of_first_visit(problem) if weighted else _mean_variances(problem)

@@ -8,7 +8,7 @@ from station.domain.core.types import SampleTable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class SampleSource:
     """rows: how many samples; units: their serials; portions: whole units of the table, sorted by unit, run and visit,
     a new pass at each call."""
 
@@ -17,9 +17,9 @@ class Samples:
     portions: Callable[[], Iterator[SampleTable]]
 
     @staticmethod
-    def of(table: SampleTable) -> "Samples":
+    def of(table: SampleTable) -> "SampleSource":
         """Those of a table that is held whole."""
-        return Samples(len(table), table.unit.names, lambda: iter([table]))
+        return SampleSource(len(table), table.unit.names, lambda: iter([table]))
 
     @property
     def table(self) -> SampleTable:
