@@ -203,7 +203,11 @@ def _uncertainty(subject: CheckSubject) -> CheckSection | None:
 
 
 #: What to do about an assumption where stating it is not the way.
-_REMEDIES = {assumptions.HIDDEN_SCATTER: "add a run or positions, or state reproducibility"}
+_REMEDIES = {
+    assumptions.HIDDEN_SCATTER: "add a run or positions, or state reproducibility",
+    "device.rounding": "state nearest or truncating",
+    "reference.site.heading_deg": "state reference.site with heading_deg",
+}
 
 
 def _assumptions(subject: CheckSubject) -> CheckSection:

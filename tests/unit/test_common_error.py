@@ -9,6 +9,7 @@ from scipy.stats import norm
 from station.domain.core.types import Floats
 from station.domain.methods import coefficients, decision_rule, risk
 from station.domain.methods.common_error import FAR, common_error
+from station.domain.methods.coverage import ErrorDistribution
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.blocks import Limits
 
@@ -58,9 +59,8 @@ def test_stated_risks_are_the_true_ones_wherever_process_means_lie(far: float, r
     measured = true + shared + NOISE * rng.standard_normal((stations, AXES))
     full = np.ones_like(results)
     prior = risk.Prior(results, PROCESS * full, GRAVITY * full, *found_in(results))
-    known = risk.Measured(
-        measured, np.hypot(NOISE, GRAVITY) * full, 1e9 * full, np.eye(3)[None] * full[..., None], prior
-    )
+    error = ErrorDistribution.plain(np.hypot(NOISE, GRAVITY) * full, 1e9 * full)
+    known = risk.Measured(measured, error, np.eye(3)[None] * full[..., None], prior)
     passed = np.abs(measured[:, 0]) <= limit
     stated = float(risk.beyond(known.of_coefficient(0).of_units(passed), np.full((passed.sum(), 1), limit)).sum())
     wrong = float((np.abs(true[passed, 0]) > limit).sum())

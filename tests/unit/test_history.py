@@ -10,6 +10,7 @@ from station.domain.core.types import Floats
 from station.domain.line_quality import history
 from station.domain.line_quality.history import MIN_REPEATS, MIN_UNITS, NOTHING, PastResult
 from station.domain.methods import coefficients, risk
+from station.domain.methods.coverage import ErrorDistribution
 from station.domain.recipe.blocks import Process
 from station.errors import LogError
 from tests.fakes import tumble
@@ -112,11 +113,12 @@ def test_a_process_of_results_says_nothing_of_what_all_results_share() -> None:
     random, shared, spread = 3e-4, 1e-3, 1e-4
     one = np.ones((1, 1))
     prior = risk.Prior(0 * one, spread * one, shared * one, 0 * one, shared * one)
-    found = risk.Measured(5e-4 * one, np.hypot(random, shared) * one, 1e9 * one, np.eye(1)[None], prior)
+    error = ErrorDistribution.plain(np.hypot(random, shared) * one, 1e9 * one)
+    found = risk.Measured(5e-4 * one, error, np.eye(1)[None], prior)
     share = spread**2 / (spread**2 + random**2)
-    mean, std = (float(v[0, 0]) for v in found.believed())
+    mean, std = (float(v[0, 0]) for v in (found.believed()[0], found.believed()[1].std))
     assert mean == pytest.approx(share * 5e-4) and std == pytest.approx(np.hypot(shared, share**0.5 * random))
-    again = float(found.believed(again=True)[1][0, 0])
+    again = float(found.believed(again=True)[1].std[0, 0])
     assert again == pytest.approx(np.hypot(random, share**0.5 * random)), "a second result shares the shared error"
     limit = np.array([[2e-3]])
     assert risk.beyond(found, limit) == pytest.approx(

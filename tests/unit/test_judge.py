@@ -8,6 +8,7 @@ from scipy.stats import norm, t
 
 from station.domain.core.types import Calibration, Floats, Outcome, ReducedVisits, Verdict
 from station.domain.methods import decision, decision_rule, risk
+from station.domain.methods.coverage import ErrorDistribution
 from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.blocks import Limits
 from station.domain.recipe.recipe import Recipe
@@ -52,24 +53,24 @@ def known(t: decision_rule.LimitedCoefficients) -> risk.Measured:
     """Coefficients that err by themselves, of a process of which nothing is stated."""
     units, count = t.deviation.shape
     correlation = np.broadcast_to(np.eye(count), (units, count, count))
-    return risk.Measured(t.deviation, t.std, t.dof, correlation, risk.Prior.unknown(units, count))
+    return risk.Measured(t.deviation, t.error, correlation, risk.Prior.unknown(units, count))
 
 
 def test_the_guard_band_of_each_rule() -> None:
     """JCGM 106: simple w = 0; guard band w = U = k·u; false accept w = z·u."""
-    std, dof = np.array([0.01]), np.array([1e9])
-    assert decision.guard_band(Limits(offset=1.0), std, dof).tolist() == [0.0]
-    assert decision.guard_band(Limits(offset=1.0, rule="guard-band"), std, dof) == pytest.approx(
+    error = ErrorDistribution.plain(np.array([0.01]), np.array([1e9]))
+    assert decision.guard_band(Limits(offset=1.0), error).tolist() == [0.0]
+    assert decision.guard_band(Limits(offset=1.0, rule="guard-band"), error) == pytest.approx(
         [0.01 * norm.ppf(0.975)], rel=1e-5
     )
     rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
-    assert decision.guard_band(rule, std, dof) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-5)
+    assert decision.guard_band(rule, error) == pytest.approx([0.01 * norm.ppf(0.99)], rel=1e-5)
 
 
 def test_the_guard_band_knows_that_the_noise_is_an_estimate() -> None:
     """With ν = 5 the band is Student's quantile."""
     rule = Limits(offset=1.0, rule="false-accept", false_accept=0.01)
-    found = decision.guard_band(rule, np.array([0.01]), np.array([5.0]))
+    found = decision.guard_band(rule, ErrorDistribution.plain(np.array([0.01]), np.array([5.0])))
     assert found == pytest.approx([0.01 * t.ppf(0.99, 5)], rel=1e-6)
 
 
@@ -117,7 +118,7 @@ def test_100000_units_at_the_limit_are_not_accepted_more_often_than_stated(
     n, u, dof = 100_000, 0.004, 12
     measured = OFFSET + u * rng.standard_normal(n)
     std = u * np.sqrt(rng.chisquare(dof, n) / dof)
-    guard = decision.guard_band(limits, std, np.full(n, float(dof)))
+    guard = decision.guard_band(limits, ErrorDistribution.plain(std, np.full(n, float(dof))))
     accepted = (np.abs(measured) <= OFFSET - guard).mean()
     assert accepted < stated + 3 * np.sqrt(stated / n)
 

@@ -17,12 +17,8 @@ from station.domain.recipe.recipe import Recipe
 
 #: Fewer shortenings than this, lengths and signs considered, have cancelled each other.
 ONE_SIDED = 0.1
-#: Equal codes of so many visits of an axis are hardly chance; of two they are as likely chance as one reading.
-EQUAL_CODES = 3
-#: Half a step that is there or not: 1.96 of this share of the step hold it beside the rounding itself.
-HALF_STEP = 1 / 3
-#: Rounding below this share of the noise of a mean is the same whether equal codes are counted or not.
-NEGLIGIBLE_ROUNDING = 0.02
+#: Of its step, what a converter that cuts off takes of every reading.
+CUT_OFF = 0.5
 
 
 def diagonal(variance: Floats) -> Floats:
@@ -121,48 +117,16 @@ def shortening(short: Floats) -> Floats:
     return np.asarray(np.sqrt(excess * variance) * (n > ONE_SIDED))
 
 
-def quantisation(problem: FitProblem, fit: Fit) -> Floats:
-    """From rounding that no averaging takes away: independent where codes differ, one error where they are equal.
-
-    Equal codes may be of equal readings, whose rounding is one error, or of readings anywhere in that step. Of
-    EQUAL_CODES and more visits the larger variance of the two counts for each coefficient, of two visits the mean,
-    which is the variance of a mixture of both.
-    """
-    apart = noise(fit, diagonal(problem.quantisation))
-    of_noise = np.einsum("uvii->uvi", problem.cov) - problem.quantisation
-    coarse = (problem.quantisation > NEGLIGIBLE_ROUNDING * of_noise).any(axis=(1, 2)) & problem.quantisation.any((1, 2))
-    for u in np.flatnonzero(coarse):
-        alone = np.diagonal(apart[u])
-        pairs, many = (np.maximum(_of_equal_codes(problem, fit, int(u), least), alone) for least in (2, EQUAL_CODES))
-        apart[u] = apart[u] + np.diag(np.maximum(many, (alone + pairs) / 2) - alone)
-    return apart
-
-
-def _of_equal_codes(problem: FitProblem, fit: Fit, u: int, least: int) -> Floats:
-    """Variances (12) of unit u if `least` and more visits of one code in an axis share an error."""
-    out = np.zeros(12)
-    for i in range(3):
-        variance = problem.quantisation[u, :, i]
-        step = np.sqrt(12 * variance.max())
-        if step == 0:
-            continue
-        code = np.unique(np.round(problem.mean[u, :, i] / step), return_inverse=True)[1]
-        count = np.bincount(code)
-        # Of fewer visits each is a group of its own.
-        code = np.where(count[code] >= least, code, len(count) + np.arange(len(code)))
-        group = (code[:, None] == np.unique(code)).astype(float)
-        out += (((fit.jacobian[u, :, :, i] * np.sqrt(variance)) @ group) ** 2).sum(axis=1)
-    return out
-
-
-def converter(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
-    """Half a step that every reading may be low by, where the converter is not stated to round to the nearest."""
-    u, _, v, _ = fit.jacobian.shape
+def converter(recipe: Recipe, problem: FitProblem, fit: Fit) -> tuple[Floats, Floats]:
+    """Covariance (u, 12, 12) of half a step that every reading may be low by, where the converter is not stated to
+    round to the nearest; and by how much that shifts each coefficient (u, 12)."""
+    u = len(fit.theta)
     if recipe.device.rounding == "nearest":
-        return np.zeros((u, 12, 12))
+        return np.zeros((u, 12, 12)), np.zeros((u, 12))
     step = np.maximum(recipe.device.lsb, np.sqrt(12 * problem.quantisation.max(axis=1)))
-    felt = HALF_STEP * step[:, None, None, :] * np.eye(3)[None, :, None, :]
-    return of_readings(fit, np.broadcast_to(felt, (u, 3, v, 3)).reshape(u, 3, 3 * v))
+    effect = CUT_OFF * step[:, None] * fit.jacobian.sum(axis=2)
+    shared = coverage.SHIFT_STD * effect
+    return shared @ shared.transpose(0, 2, 1), np.abs(effect).sum(axis=2)
 
 
 def method(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from station.domain.core.types import Floats
 from station.domain.methods import coverage
@@ -44,24 +43,20 @@ def rule_of(limits: Limits) -> Message:
     return Message("rule-simple")
 
 
-def guard_band(limits: Limits, std: Floats, dof: Floats) -> Floats:
-    """w of the decision rule: 0; U = k·u; or the one-sided t quantile that keeps a false accept at the limit rare."""
+def guard_band(limits: Limits, error: coverage.ErrorDistribution) -> Floats:
+    """w of the decision rule: 0; U; or the one-sided quantile that keeps a false accept at the limit rare."""
     if limits.rule == "guard-band":
-        return coverage.factor(dof) * std
+        return error.expanded()
     if limits.rule == "false-accept" and limits.false_accept is not None:
-        return coverage.quantile(dof, 1 - limits.false_accept) * std
-    return np.zeros_like(std)
+        return error.quantile(1 - limits.false_accept)
+    return np.zeros_like(error.std)
 
 
 def decide_limit(
     limits: Limits, of: tuple[str, str], value: float, std: float, limit: float, dof: float = coverage.MANY
 ) -> Decision:
     """The decision on a value of which nothing was known before. of: what it is, and its unit; std: u of the value."""
-    u, nu = np.array([std]), np.array([dof])
-    wide, guard = float(coverage.factor(nu)[0] * std), float(guard_band(limits, u, nu)[0])
-    return Decision(*of, value, wide or None, limit, guard, _beyond(value, max(std, 1e-300), limit, dof))
-
-
-def _beyond(value: float, std: float, limit: float, dof: float) -> float:
-    sides = (value - limit) / std, (-value - limit) / std
-    return float(sum(scipy.special.stdtr(dof, side) for side in sides))
+    error = coverage.ErrorDistribution.plain(np.array([std]), np.array([dof]))
+    wide, guard = float(error.expanded()[0]), float(guard_band(limits, error)[0])
+    beyond = error.tail(np.array([limit - value])) + error.tail(np.array([limit + value]))
+    return Decision(*of, value, wide or None, limit, guard, float(beyond[0]))

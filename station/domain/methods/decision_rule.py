@@ -36,13 +36,12 @@ class JudgedUnit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LimitedCoefficients:
-    """Coefficients (c) that have a limit, of units (u): index (c) among the twelve; deviation from nominal, standard
-    uncertainty, degrees of freedom, limit and guard band w (u, c). Of what a unit does not estimate the limit is ∞."""
+    """Coefficients (c) that have a limit, of units (u): index (c) among the twelve; deviation from nominal,
+    distribution of its error, limit and guard band w (u, c). Of what a unit does not estimate the limit is ∞."""
 
     index: NDArray[np.intp]
     deviation: Floats
-    std: Floats
-    dof: Floats
+    error: coverage.ErrorDistribution
     limit: Floats
     guard: Floats
 
@@ -88,9 +87,15 @@ def limited_coefficients(
     index = np.flatnonzero(np.isfinite(limit))
     estimated = np.array([np.diagonal(one.covariance) for one in found])[:, index] > 0
     theta = np.array([np.concatenate([one.offset, one.matrix.ravel()]) for one in found])
-    std, dof = _std(budgets)[:, index], np.array([budget.dof for budget in budgets])[:, index]
+    error = errors(budgets).take(slice(None), index)
     deviation, limit = (theta - coefficients.NOMINAL)[:, index], np.where(estimated, limit[index], np.inf)
-    return LimitedCoefficients(index, deviation, std, dof, limit, guard_band(limits, std, dof))
+    return LimitedCoefficients(index, deviation, error, limit, guard_band(limits, error))
+
+
+def errors(budgets: Sequence[Budget]) -> coverage.ErrorDistribution:
+    """Distributions of the twelve coefficients' errors (u, 12)."""
+    rest = (np.array([getattr(budget, name) for budget in budgets]) for name in ("dof", "rectangle", "shift"))
+    return coverage.ErrorDistribution(_std(budgets), *rest)
 
 
 def measured(limits: Limits, t: LimitedCoefficients, budgets: Sequence[Budget]) -> risk.Measured:
@@ -98,7 +103,7 @@ def measured(limits: Limits, t: LimitedCoefficients, budgets: Sequence[Budget]) 
     root = np.maximum(_std(budgets), 1e-300)
     total = np.array([budget.total for budget in budgets])
     correlation = (total / root[:, :, None] / root[:, None, :])[:, t.index[:, None], t.index]
-    return risk.Measured(t.deviation, t.std, t.dof, correlation, prior_of(limits, budgets).take(t.index))
+    return risk.Measured(t.deviation, t.error, correlation, prior_of(limits, budgets).take(t.index))
 
 
 def prior_of(limits: Limits, budgets: Sequence[Budget]) -> risk.Prior:
@@ -160,7 +165,7 @@ def _stated(process: Process) -> tuple[Floats, Floats]:
 def decisions(recipe: Recipe, found: Calibration, budget: Budget, visits: ReducedVisits) -> tuple[Decision, ...]:
     """Every limit of one unit that was decided by value, uncertainty and the one rule."""
     t = limited_coefficients(recipe.limits, [found], [budget])
-    known, wide = measured(recipe.limits, t, [budget]), coverage.factor(t.dof) * t.std
+    known, wide = measured(recipe.limits, t, [budget]), t.error.expanded()
     each = tuple(
         Decision(
             what=coefficients.NAMES[int(t.index[c])],
@@ -196,7 +201,7 @@ def _coefficient(recipe: Recipe, t: LimitedCoefficients, u: int, c: int) -> Reas
         "unit": _as_unit(unit),
     }
     if guard >= limit:
-        wide = float(coverage.factor(t.dof[u, c]) * t.std[u, c])
+        wide = float(t.error.expanded()[u, c])
         return Reason(Message("coefficient-not-decidable", **shown, expanded=wide), deviation, limit, unit, check)
     if guard:
         message = Message("coefficient-beyond-guard", **shown, guard=guard)

@@ -59,44 +59,47 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """Deviations (u, c) from nominal as measured, standard uncertainty, degrees of freedom, correlation (u, c, c), and
-    what was known before."""
+    """Deviations (u, c) from nominal as measured, distribution of their errors, correlation (u, c, c), and what was
+    known before."""
 
     deviation: Floats
-    std: Floats
-    dof: Floats
+    error: coverage.ErrorDistribution
     correlation: Floats
     prior: Prior
 
     def of_coefficient(self, c: int) -> "Measured":
         """One coefficient by itself."""
         one = slice(c, c + 1)
-        parts = (self.deviation[:, one], self.std[:, one], self.dof[:, one], self.correlation[:, one, one])
+        parts = (self.deviation[:, one], self.error.take(slice(None), one), self.correlation[:, one, one])
         return Measured(*parts, self.prior.take(one))
 
     def of_units(self, which: NDArray[np.bool_]) -> "Measured":
         """Some of the units."""
-        parts = (self.deviation[which], self.std[which], self.dof[which], self.correlation[which])
+        parts = (self.deviation[which], self.error.take(which), self.correlation[which])
         return Measured(*parts, self.prior.of_units(which))
 
-    def believed(self, *, again: bool = False) -> tuple[Floats, Floats]:
-        """Mean and standard deviation (u, c) of the true deviation given result and process (JCGM 106, eq. 17–18);
+    def believed(self, *, again: bool = False) -> tuple[Floats, coverage.ErrorDistribution]:
+        """Mean (u, c) of the true deviation given result and process (JCGM 106, eq. 17–18), and how it lies about that;
         again: of another result, which has an error of its own, and shares the rest with this one."""
-        own = np.sqrt(np.maximum(self.std**2 - self.prior.shared**2, 0.0))
-        share = 1 / (1 + (np.maximum(own, 1e-300) / self.prior.std) ** 2)
-        mean = share * self.deviation + (1 - share) * self.prior.mean
+        error, prior = self.error, self.prior
+        own = np.sqrt(np.maximum(error.std**2 - prior.shared**2, 0.0))
+        share = 1 / (1 + (np.maximum(own, 1e-300) / prior.std) ** 2)
+        mean = share * self.deviation + (1 - share) * prior.mean
+        dof = np.clip(error.dof, 1.0, coverage.MANY)
         if again:
-            return mean, np.sqrt((1 + share) * own**2)
-        return mean - self.prior.error, np.sqrt(share * own**2 + self.prior.error_std**2)
+            std = np.sqrt((1 + share) * own**2)
+            return mean, coverage.ErrorDistribution.plain(np.maximum(std, 1e-300), dof)
+        std = np.maximum(np.sqrt(share * own**2 + prior.error_std**2), 1e-300)
+        left = coverage.ErrorDistribution(std, dof, share * error.rectangle, share * error.shift)
+        return mean - prior.error, left
 
 
 def beyond(measured: Measured, limit: Floats, *, again: bool = False) -> Floats:
     """Probability (u) that any true deviation is beyond its limit (u, c); again: that any result of another measurement
     is, which has the error of this one and its own."""
-    mean, std = measured.believed(again=again)
-    std, dof = np.maximum(std, 1e-300), np.clip(measured.dof, 1.0, coverage.MANY)
-    above, below = (limit - mean) / std, (-limit - mean) / std
-    each = np.clip(scipy.special.stdtr(dof, -above) + scipy.special.stdtr(dof, below), 0.0, 1.0)
+    mean, error = measured.believed(again=again)
+    above, below = (limit - mean) / error.std, (-limit - mean) / error.std
+    each = np.clip(error.tail(limit - mean) + error.tail(limit + mean), 0.0, 1.0)
     side = np.where(mean >= 0, 1.0, -1.0)
     distance = np.where(side > 0, above, -below)
     likely = each > NEGLIGIBLE

@@ -1,7 +1,7 @@
 """The uncertainty budget of every coefficient (GUM, JCGM 100): every cause, its covariance, its degrees of freedom."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
@@ -12,6 +12,7 @@ from station.domain.methods import (
     contributions,
     coverage,
     hidden_scatter,
+    quantisation,
     residual_scatter,
     scatter,
     stated_poses,
@@ -28,7 +29,7 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 8
+RULES = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +40,7 @@ class Budget:
     standard deviation, in the recipe's unit, of what visits clearly differ by beyond noise and declared pose errors; 0
     when those explain the residuals, although the budget then still holds what residuals leave possible. residuals:
     χ²/ν and ν of what poses differ by, for the budgets of later units; ν is 0 where no reading is left over.
+    rectangle, shift (12): of the error's distribution (coverage.ErrorDistribution).
     """
 
     parts: Mapping[str, Floats]
@@ -47,19 +49,25 @@ class Budget:
     scatter: float
     part_dof: Mapping[str, Floats]
     residuals: tuple[float, float] = (0.0, 0.0)
+    rectangle: Floats = field(default_factory=lambda: np.zeros(12))
+    shift: Floats = field(default_factory=lambda: np.zeros(12))
 
     def std(self, cause: str | None = None) -> Floats:
         """Standard uncertainties u (12), of one cause or of all."""
         of = self.total if cause is None else self.parts[cause]
         return np.asarray(np.sqrt(np.maximum(np.diagonal(of), 0.0)))
 
-    def factor(self) -> Floats:
-        """Coverage factors k (12) for coverage.PROBABILITY."""
-        return coverage.factor(self.dof)
+    def error(self) -> coverage.ErrorDistribution:
+        """Distribution of each coefficient's error (12)."""
+        return coverage.ErrorDistribution(self.std(), self.dof, self.rectangle, self.shift)
 
     def expanded(self) -> Floats:
-        """Expanded uncertainties U = k·u (12)."""
-        return self.factor() * self.std()
+        """Expanded uncertainties U (12), each of which holds the error with coverage.PROBABILITY."""
+        return self.error().expanded()
+
+    def factor(self) -> Floats:
+        """Coverage factors k = U/u (12); Student's quantile where there is no u."""
+        return np.asarray(_factor(self.error()))
 
     def covering(self) -> Floats:
         """The covariance (12, 12) scaled so that ± 1.96 of its standard deviations are U: what is handed on to those
@@ -72,8 +80,10 @@ class Budget:
         return self.std(cause) * (1.0 if own is None else coverage.factor(own) / coverage.NORMAL)
 
     def document(self, unit: str) -> list[dict[str, object]]:
-        """One entry a coefficient: standard uncertainty u and its share by cause, ν_eff, k, and U = k·u."""
-        std, factor, expanded = self.std(), self.factor(), self.expanded()
+        """One entry a coefficient: standard uncertainty u and its share by cause, ν_eff, rectangle and shift of the
+        error's distribution, k, and U = k·u."""
+        std, error = self.std(), self.error()
+        factor, expanded = _factor(error), error.expanded()
         by_cause = {cause: self.std(cause) for cause in self.parts}
         return [
             {
@@ -81,6 +91,8 @@ class Budget:
                 "unit": coefficients.unit_of(i, unit),
                 "std": float(std[i]),
                 "dof": float(self.dof[i]),
+                "rectangle": float(self.rectangle[i]),
+                "shift": float(self.shift[i]),
                 "k": float(factor[i]),
                 "expanded": float(expanded[i]),
                 "coverage_probability": coverage.PROBABILITY,
@@ -92,8 +104,15 @@ class Budget:
 
 def covering(of: Sequence[Budget]) -> Floats:
     """Covariances (u, 12, 12) as `Budget.covering` has them."""
-    scale = coverage.factor(np.array([budget.dof for budget in of])) / coverage.NORMAL
-    return np.array([budget.total for budget in of]) * scale[:, :, None] * scale[:, None, :]
+    total = np.array([budget.total for budget in of])
+    std = np.sqrt(np.maximum(_variances(total), 0.0))
+    rest = (np.array([getattr(budget, name) for budget in of]) for name in ("dof", "rectangle", "shift"))
+    scale = _factor(coverage.ErrorDistribution(std, *rest)) / coverage.NORMAL
+    return np.asarray(total * scale[:, :, None] * scale[:, None, :])
+
+
+def _factor(error: coverage.ErrorDistribution) -> Floats:
+    return np.where(error.std > 0, error.expanded() / np.maximum(error.std, 1e-300), coverage.factor(error.dof))
 
 
 def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits, rounding: Floats) -> list[Budget]:
@@ -102,10 +121,12 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     u = len(fit.theta)
     pose_std, pose_dof = _pose_std(recipe, problem, fit)
     scattered, residuals = _scatter(recipe, problem, fit, hidden_scatter.bound(recipe, problem, pose_std))
+    rounded = quantisation.quantisation(recipe, problem, fit)
+    of_converter, shift = contributions.converter(recipe, problem, fit)
     parts = {
         "noise": contributions.noise(fit, _plain_noise(problem)),
-        "quantisation": contributions.quantisation(problem, fit),
-        "converter": contributions.converter(recipe, problem, fit),
+        "quantisation": rounded.covariance,
+        "converter": of_converter,
         "position": contributions.position(problem, fit, pose_std),
         **_truth(recipe, problem, fit, visits),
         "method": contributions.method(recipe, problem, fit),
@@ -124,6 +145,8 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     if recipe.reproducibility is not None:
         dofs["reproducibility"] = np.full((u, 12), recipe.reproducibility.dof)
     dof = coverage.effective_dof(_variances(total), [(_variances(parts[c]), own) for c, own in dofs.items()])
+    std = np.sqrt(np.maximum(_variances(total), 0.0))
+    error = coverage.ErrorDistribution(std, dof, rounded.rectangle * fit.free, shift * fit.free).telling()
     spread = np.sqrt(problem.scatter_pose + problem.scatter_visit)
     return [
         Budget(
@@ -133,6 +156,8 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
             float(spread[i]),
             {c: d[i] for c, d in dofs.items()},
             (float(residuals[0][i]), float(max(residuals[1][i], 0.0))),
+            error.rectangle[i],
+            error.shift[i],
         )
         for i in range(u)
     ]

@@ -14,8 +14,6 @@ from station.messages import Message, Value
 
 #: An axis is across the stimulus when it feels less than this share of it.
 ACROSS = 0.05
-#: Degrees of freedom of what is taken as known.
-_KNOWN = np.array(coverage.MANY)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,12 +31,17 @@ class LimitedVisits:
 
     def refused(self, limits: Limits) -> list[int]:
         """The units whose value the rule does not accept; no number is not accepted."""
-        room = self.limit - guard_band(limits, self.std, _KNOWN)
+        room = self.limit - _guard(limits, self.std)
         return np.flatnonzero(self.decided & ~(np.abs(self.value) <= room)).tolist()
 
     def decision(self, limits: Limits, u: int) -> Decision:
         """The limit as it was decided for one of the units."""
         return decide_limit(limits, (self.what, self.unit), float(self.value[u]), float(self.std[u]), self.limit)
+
+
+def _guard(limits: Limits, std: Floats) -> Floats:
+    """w where the standard uncertainty is taken as known."""
+    return guard_band(limits, coverage.ErrorDistribution.plain(std, np.full_like(std, coverage.MANY)))
 
 
 def decided(limits: Limits, found: Calibration, visits: ReducedVisits) -> Iterator[Decision]:
@@ -79,7 +82,7 @@ def limited_visits(
     ):
         if limit is not None:
             size, std = of(found, visits)
-            wide = np.where(undisturbed, size + guard_band(limits, std, _KNOWN), -np.inf)
+            wide = np.where(undisturbed, size + _guard(limits, std), -np.inf)
             worst = wide.argmax(axis=1)
             value, std = (np.take_along_axis(each, worst[:, None], 1)[:, 0] for each in (size, std))
             yield LimitedVisits(what, own_unit, limit, value, std, worst, some)

@@ -67,7 +67,7 @@ def forecast(recipe: Recipe, rounding: Floats) -> Forecast:
 
 def _decisions(recipe: Recipe, budget: Budget) -> tuple[LimitForecast, ...]:
     limits, std = recipe.limits, budget.std()
-    guard, prior = guard_band(limits, std, budget.dof), prior_of(limits, [budget])
+    guard, prior = guard_band(limits, budget.error()), prior_of(limits, [budget])
     kinds = {"offset": coefficients.OFFSETS, "gain": coefficients.GAINS, "cross_axis": coefficients.CROSS}
     out = []
     for kind, which in kinds.items():

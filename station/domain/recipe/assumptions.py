@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from station.domain.core.types import Floats
+from station.domain.recipe import gravity
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
@@ -34,6 +35,8 @@ G_SENSITIVITY = 0.1
 THERMOMETER_DEGC = 0.4 / 3**0.5
 #: Of a gold reference whose certificate's values were not entered: share of the stimulus.
 GOLD_RELATIVE = 1e-3
+#: Of a step: what a converter may cut off all readings, or not, has this standard uncertainty (two thirds of a half).
+CUT_OFF = 1 / 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +130,7 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
         if recipe.method == "one-point":
             found.append(_of("device.gain_std", device.gain_std, GAIN, "1", Message("assumed-gain")))
         found.append(_of("device.cross_std", device.cross_std, CROSS, "1", Message("assumed-cross")))
+    found += [*_gold(recipe), *_earth_rate(recipe), _rounding(recipe)]
     found.append(_of("device.turn_on_std", device.turn_on_std, 0.0, recipe.unit, Message("assumed-turn-on")))
     if recipe.feels_rotation and r.source != "gold":
         sensitivity, own_unit = device.g_sensitivity, f"{recipe.unit}/g"
@@ -139,6 +143,47 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
     if any(tempcos(recipe)):
         found.append(thermometer(recipe))
     return tuple(found)
+
+
+def unknown_earth_rate(recipe: Recipe) -> Floats:
+    """What nobody knows of the Earth's turning about each axis of the station, deg/s: its level part without a heading,
+    all of it without a site."""
+    site = recipe.reference.site
+    if site is None:
+        return np.full(3, gravity.EARTH_RATE / 3**0.5)
+    level = 0.0 if site.heading_deg is not None else gravity.EARTH_RATE * np.cos(np.deg2rad(site.latitude_deg))
+    return np.array([level, level, 0.0]) / 2**0.5
+
+
+def _earth_rate(recipe: Recipe) -> list[Assumption]:
+    if not recipe.feels_rotation or recipe.reference.source == "gold":
+        return []
+    unknown = unknown_earth_rate(recipe)
+    source = Message("assumed-earth-rate" if unknown.any() else "assumption-stated")
+    size = float(np.linalg.norm(unknown))
+    return [Assumption("reference.site.heading_deg", size, recipe.unit, not unknown.any(), source)]
+
+
+def _rounding(recipe: Recipe) -> Assumption:
+    device = recipe.device
+    stated, size = device.rounding != "unknown", 0.0 if device.rounding == "nearest" else CUT_OFF * device.lsb
+    source = Message("assumption-stated" if stated else "assumed-rounding")
+    return Assumption("device.rounding", size, recipe.unit, stated, source)
+
+
+def _gold(recipe: Recipe) -> list[Assumption]:
+    """What is not entered of a gold reference's certificate."""
+    gold = recipe.reference.gold
+    if recipe.reference.source != "gold" or gold is None:
+        return []
+    true = [recipe.true_vector(p, run.seating) for run in recipe.runs for p in recipe.positions]
+    size = GOLD_RELATIVE * float(np.linalg.norm(np.reshape(true, (-1, 3)), axis=1).max(initial=0.0))
+    of_values, of_seat = Message("assumed-gold"), Message("assumed-nest")
+    return [
+        _of("reference.gold.offset_std", gold.offset_std, size, recipe.unit, of_values),
+        _of("reference.gold.gain_std", gold.gain_std, GOLD_RELATIVE, "1", of_values),
+        _of("reference.gold.seat_std_deg", gold.seat_std_deg, NEST_DEG, "deg", of_seat),
+    ]
 
 
 def thermometer(recipe: Recipe) -> Assumption:

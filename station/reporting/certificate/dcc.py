@@ -21,7 +21,7 @@ from station.reporting.certificate.dcc_elements import (
     xml_word,
 )
 from station.reporting.certificate.dcc_results import add_results
-from station.reporting.certificate.facts import STANDARD_GRAVITY
+from station.reporting.certificate.facts import DISTRIBUTION, STANDARD_GRAVITY
 from station.reporting.certificate.issue import of_facts
 
 VERSIONS = ("3.3.0", "3.2.1")
@@ -124,7 +124,8 @@ def statements(facts: Mapping[str, Any]) -> list[Message]:
     accredited = Message("certificate-accredited", number=number) if known else Message("certificate-not-accredited")
     gravity = [Message("certificate-standard-gravity", value=STANDARD_GRAVITY)] if facts["unit"] == "g" else []
     traced = [Message("certificate-traceable" if facts["references"] else "certificate-untraceable")]
-    coverage = Message("certificate-coverage")
+    mixed = any(c.get(name) for c in facts["coefficients"] for name in DISTRIBUTION)
+    coverage = Message("certificate-coverage-mixed" if mixed else "certificate-coverage")
     whole = Message("certificate-in-full")
     return [*first, Message("certificate-item-only"), accredited, *traced, *gravity, coverage, whole]
 

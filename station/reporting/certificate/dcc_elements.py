@@ -48,8 +48,11 @@ def si_value(value: float, unit: str) -> tuple[float, str]:
     return value * factor, name
 
 
-def add_uncertainty(quantity: ET.Element, expanded: float, cover: tuple[float, float], version: str) -> None:
-    """U, k and probability of a quantity, as that version of the schema has it. cover: k, probability."""
+def add_uncertainty(
+    quantity: ET.Element, expanded: float, cover: tuple[float, float], version: str, *, named: bool = True
+) -> None:
+    """U, k and probability of a quantity, as that version of the schema has it. cover: k, probability; named: whether
+    the error is normal or Student's t, and not a sum with others, for which the D-SI has no name."""
     factor, probability = cover
     real = quantity[-1]
     if version == "3.3.0":
@@ -60,6 +63,8 @@ def add_uncertainty(quantity: ET.Element, expanded: float, cover: tuple[float, f
     ET.SubElement(into, si_tag(name)).text = repr(float(expanded))
     ET.SubElement(into, si_tag("coverageFactor")).text = repr(float(factor))
     ET.SubElement(into, si_tag("coverageProbability")).text = repr(float(probability))
+    if not named:
+        return
     normal = abs(factor - coverage.NORMAL) < _NORMAL_WITHIN
     ET.SubElement(into, si_tag("distribution")).text = "normal" if normal else "t"
 

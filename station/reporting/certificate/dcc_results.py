@@ -16,7 +16,7 @@ from station.reporting.certificate.dcc_elements import (
     si_value,
     xml_word,
 )
-from station.reporting.certificate.facts import GAIN_NAMES
+from station.reporting.certificate.facts import DISTRIBUTION, GAIN_NAMES
 from station.reporting.number_text import format_risk
 
 
@@ -64,7 +64,8 @@ def _coefficients(results: ET.Element, facts: Mapping[str, Any], version: str) -
         quantity = add_quantity(data, c["name"], (value, unit))
         if c["estimated"]:
             expanded = si_value(c["expanded"], c["unit"])[0]
-            add_uncertainty(quantity, expanded, (c["k"], c["coverage_probability"]), version)
+            cover, named = (c["k"], c["coverage_probability"]), not any(c.get(name) for name in DISTRIBUTION)
+            add_uncertainty(quantity, expanded, cover, version, named=named)
         if c["name"] in decided:
             _decision(quantity, decided[c["name"]])
 

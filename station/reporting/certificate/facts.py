@@ -33,6 +33,8 @@ _TO_CUSTOMERS = {
 }
 #: Coefficients whose nominal value is 1.
 GAIN_NAMES = frozenset(name for name, gain in zip(NAMES, GAINS, strict=True) if gain)
+#: Of an error that is not Student's t alone (coverage.ErrorDistribution).
+DISTRIBUTION = ("rectangle", "shift")
 #: What the device held, by what a certificate calls it.
 MOMENTS: Mapping[str, Moment] = {"as_found": "old", "as_left": "read_back"}
 
@@ -159,7 +161,7 @@ def require_certifiable(stored: Mapping[str, Any]) -> None:
 
 def coefficients(fit: Mapping[str, Any], axes: int = 3) -> list[dict[str, Any]]:
     """Value, u, ν_eff, k and U of each coefficient of the axes that the device has; index: its place among the twelve.
-    An older record keeps no ν_eff, and its U is 1.96·u."""
+    An older record keeps no ν_eff, and its U is 1.96·u; one before rules 9 knows Student's t only."""
     theta = [*fit["offset"], *(v for row in fit["matrix"] for v in row)]
     return [
         {
@@ -174,6 +176,7 @@ def coefficients(fit: Mapping[str, Any], axes: int = 3) -> list[dict[str, Any]]:
             "expanded": b["expanded"],
             "coverage_probability": b.get("coverage_probability", 0.95),
             "budget": b["parts"],
+            **{name: b[name] for name in DISTRIBUTION if name in b},
         }
         for i, (b, value) in enumerate(zip(fit["budget"], theta, strict=True))
         if max(divmod(i - 3, 3) if i > 2 else (i,)) < axes

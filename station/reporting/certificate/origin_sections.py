@@ -87,7 +87,7 @@ def _assumptions(w: SectionWriter, content: Mapping[str, Any], recipe: Recipe, k
 
 def _contribution(w: SectionWriter, key: str) -> str:
     """A line of the budget, and what the recipe calls it."""
-    name = key.rpartition(".")[2].replace("_", "-").lower()
+    name = (key.partition(".")[2] or key).replace("_", "-").replace(".", "-").lower()
     return f"{w.say(f'contribution-{name}')} ({key})"
 
 

@@ -22,6 +22,7 @@ from station.reporting.number_text import (
 #: Heads of the two widest tables.
 COEFFICIENTS = ("coefficient", "value", "std", "dof", "factor", "expanded", "unit")
 DECISIONS = ("limit-of", "value", "expanded", "limit", "guard", "margin", "risk")
+_DISTRIBUTION = ("coefficient", "rectangle", "shift", "unit")
 _HELD = ("coefficient", "before", "read-back", "difference", "unit")
 _ADJUSTMENT = ("object", "before", "written", "read-back")
 #: More degrees of freedom than this are as good as infinite.
@@ -41,6 +42,7 @@ def result_tables(
         w.table("certificate-coefficients", COEFFICIENTS, _values(w, content)),
         w.table("certificate-decisions", DECISIONS, _decisions(w, content)),
         w.table("certificate-budget", *_budget(w, content)),
+        w.table("certificate-distribution", _DISTRIBUTION, _distributions(w, content)),
         visit_sections.reading_table(w, content, recipe),
         *([visit_sections.residual_table(w, fit, recipe)] if _has_residuals(fit) else []),
         _verification(w, stored),
@@ -124,6 +126,19 @@ def _uncertain(c: Mapping[str, Any]) -> tuple[str, str, str, str]:
         "–" if dof is None else "∞" if dof > _MANY_DOF else f"{dof:.0f}",
         f"{c['k']:.2f}",
         format_to_uncertainty(c["expanded"], c["expanded"]),
+    )
+
+
+def _distributions(w: SectionWriter, content: Mapping[str, Any]) -> Rows:
+    """What the error of a coefficient has beside Student's t, where it has."""
+    return tuple(
+        (
+            w.term(str(c["name"])),
+            *(format_to_uncertainty(c[name], c[name]) if c[name] else "–" for name in facts.DISTRIBUTION),
+            written_unit(str(c["unit"])),
+        )
+        for c in content["coefficients"]
+        if any(c.get(name) for name in facts.DISTRIBUTION)
     )
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import assumptions, gravity
+from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
 
 
@@ -43,13 +43,12 @@ class Gyroscope:
 
     def _earth(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """What is not known of the Earth's turning: level parts without a heading, all of it without a site."""
-        site = recipe.reference.site
-        if site is not None and site.heading_deg is not None:
+        unknown = assumptions.unknown_earth_rate(recipe)
+        if not unknown.any():
             return np.zeros((0, len(position), 3))
-        level = gravity.EARTH_RATE * (np.cos(np.deg2rad(site.latitude_deg)) if site else 1.0)
-        unknown = np.diag([level, level, 0.0 if site else level]) / np.sqrt(2 if site else 3)
+        parts = np.diag(unknown)
         return np.array(
-            [[self._felt(recipe, p, s, part) for p, s in zip(position, seating, strict=True)] for part in unknown]
+            [[self._felt(recipe, p, s, part) for p, s in zip(position, seating, strict=True)] for part in parts]
         )
 
     @staticmethod
