@@ -1,7 +1,7 @@
 """Reliability of the next run: how often it leaves a single cause, beside the chance it promised.
 
 A cause hides in one run of 24 tilts at several strengths; where the diagnosis ends in a tie the proposed runs are made
-by the same independent bench and everything is diagnosed again. `python -m benchmarks.next_run --sets 2 --seed 1`.
+by the same independent bench and everything is diagnosed again. `python benchmarks/next_run.py --sets 2 --seed 1`.
 """
 
 import argparse
@@ -12,6 +12,9 @@ from itertools import pairwise
 import numpy as np
 from diagnosis_rows.figures import Figure, at_least, at_most, share
 from diagnosis_rows.ties import TIED_ONCE, Parted, parted
+
+from station.diagnosis.search.null_simulation import NULL_SETS
+from tests.blind import inspection
 
 #: Edges of the promised chance in the diagram, strengths that are hidden.
 EDGES, STRENGTHS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.01), (8.0, 12.0, 16.0)
@@ -54,6 +57,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--sets", type=int, default=2, help="data sets of each cause and strength")
     requested = parser.parse_args()
+    inspection.SETS = NULL_SETS
     begun = time.process_time()
     rows = figures(measure(requested.seed, requested.sets))
     for row in rows:

@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 from diagnosis_rows import oracle
+from diagnosis_rows.bank_bound import least_ratio
 from diagnosis_rows.figures import Array, Figure, at_most, bootstrapped, share
 from diagnosis_rows.trials import First, Request, first_diagnosis
 from scipy.stats import norm
@@ -55,8 +56,15 @@ def power(seed: int, sets: int) -> list[Figure]:
             len(data),
             lambda r: at_most(r, 1.20),
         ),
+        least_possible(),
         share("  it alarms at 1.25 times the oracle's amplitude", _alarms_at(data, needed, 1.25)),
     ]
+
+
+def least_possible() -> Figure:
+    """What no search among so many causes can undercut."""
+    bound = least_ratio()
+    return Figure("  the least that a search for all of them can reach", bound, bound, bound, len(KNOWN))
 
 
 def thresholds(data: Array, causes: int) -> Array:

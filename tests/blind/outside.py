@@ -134,6 +134,10 @@ def _last_but_one(w: World, rng: Scaled) -> Array:
     return ahead[w.stop] - w.a
 
 
+def _by_the_length_of_the_move(w: World, rng: Scaled) -> Array:
+    return (w.before - w.a) * _move(w)[:, None]
+
+
 def _dwell_with_temperature(w: World, rng: Scaled) -> Array:
     return (w.T - w.T.mean()) * np.exp(-w.away / 0.3)
 
@@ -171,6 +175,7 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "swinging gain": ({"time", "input"}, per_unit(3e-4, _swinging_gain)),
     "position before the last": ({"order"}, per_unit(3e-4, _last_but_one)),
     "course of the dwell by temperature": ({"dwell-phase"}, per_unit(3e-5, _dwell_with_temperature)),
+    "hysteresis by the length of the move": ({"order"}, per_unit(3e-4, _by_the_length_of_the_move)),
     "nest that gives with the move": ({"order", "group"}, _each_nest_by(_move)),
     "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
 }

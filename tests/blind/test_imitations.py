@@ -24,6 +24,7 @@ IMITATED = (
     "size under vibration", "temperature on crosstalk", "product of axes that drifts", "hysteresis across axes",
     "arrival under vibration", "nest that gives with the move", "base that gives under load", "nest that warms",
     "shock that fades", "swinging gain", "position before the last", "course of the dwell by temperature",
+    "hysteresis by the length of the move",
 )  # fmt: skip
 RESEMBLED = ("cubic", "gain-temperature", "offset-temperature")
 

@@ -229,13 +229,14 @@ def _group(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _motor(view: ResidualView) -> Iterator[Candidate]:
-    """Curves of the motors' drive."""
+    """Curves of the motors' drive: a bend or two, or waves, as of a resonance."""
     motor = view.scene.motor
     if motor is None or not np.ptp(motor):
         return
-    columns = StopColumns.of(_each_axis(legendre.legvander(_scaled(motor), 3)[:, 1:]))
-    for of in _levels(view, "unit", "common"):
-        yield _kernel("motor", of, view, columns)
+    for degree in (3, 7):
+        columns = StopColumns.of(_each_axis(legendre.legvander(_scaled(motor), degree)[:, 1:]))
+        for of in _levels(view, "unit", "common"):
+            yield _kernel("motor", of, view, columns)
 
 
 def _products(view: ResidualView) -> Iterator[Candidate]:
@@ -254,10 +255,17 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
     a = resting_stimulus(view.scene, view.active)
     for one in FACTORS:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
-            # What each axis takes of any, changing with a covariate.
-            columns = StopColumns.of(_each_axis(a) * factor[one][:, :, :1])
-            for of in _levels(view, "unit", "common"):
-                yield _kernel(name, of, view, columns)
+            # What each axis takes of any, or of any two, changing with a covariate.
+            for forms in (a, _products_of_axes(a)):
+                columns = StopColumns.of(_each_axis(forms) * factor[one][:, :, :1])
+                for of in _levels(view, "unit", "common"):
+                    yield _kernel(name, of, view, columns)
+
+
+def _products_of_axes(a: Floats) -> Floats:
+    """Every product (v, 6) of two components of the true vector, as a share of the largest."""
+    a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
+    return np.stack([a[:, i] * a[:, j] for i, j in combinations_with_replacement(range(3), 2)], axis=1)
 
 
 def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:

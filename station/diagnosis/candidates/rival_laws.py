@@ -334,4 +334,5 @@ def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
     yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
     yield from (("order", (form,)) for form in (way, way * np.minimum(size, PLAY), step * size, size))
     yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
-    yield "order", (_each(np.linalg.norm(step, axis=1)),)
+    move = _each(np.linalg.norm(step, axis=1))
+    yield from (("order", (form,)) for form in (move, step * move, way * move))
