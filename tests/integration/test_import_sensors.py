@@ -197,3 +197,130 @@ def test_single_readings_claim_neither_noise_nor_rate(rng: np.random.Generator, 
     said = captured("calibrate", "--samples", out, "--recipe", "hand-held").stdout
     assert "tells no rate and no noise" in said
     assert "rate 1" not in said
+
+
+def one_row_an_axis(y: Floats, sensor: str, decimal: str) -> str:
+    names = ["time", *(["sensor"] if sensor else []), "axis", "value"]
+    lines = [";".join(names)]
+    for i, reading in enumerate(y * 9.80665):
+        for axis, value in zip("XYZ", reading, strict=True):
+            cells = [f"{10 * i}", *([sensor] if sensor else []), axis, f"{value:.4f}".replace(".", decimal)]
+            lines.append(";".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(("sensor", "decimal"), [("", "."), ("acc", ",")])
+def test_a_row_an_axis_is_a_table_of_readings(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, sensor: str, decimal: str
+) -> None:
+    path = tmp_path / "tidy.csv"
+    path.write_text(one_row_an_axis(tumble(rng), sensor, decimal))
+    check(understood(capsys, str(path)), raw_unit="m/s²", rate_hz=100.0, visits=8, axes=["X", "Y", "Z"])
+
+
+def test_a_row_an_axis_of_two_sensors_tells_them_apart(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = tumble(rng)
+    turn = 40 * np.gradient(y, axis=0) + 0.1 * rng.standard_normal(y.shape)
+    rows = [
+        f"{i / 100:.2f},{name},{axis},{own[i, k]:.4f}"
+        for i in range(len(y))
+        for name, own in (("gyr", turn), ("acc", y))
+        for k, axis in enumerate("xyz")
+    ]
+    path = tmp_path / "tidy.csv"
+    path.write_text("\n".join(["t,sensor,axis,value", *rows]) + "\n")
+    check(understood(capsys, str(path)), axes=["acc x", "acc y", "acc z"], visits=8, rate_hz=100.0)
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_table_that_lies_on_its_side_is_set_upright(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, *, stamped: bool
+) -> None:
+    y = tumble(rng) if stamped else sphere(rng, 24) * 1.02
+    lines = {f"a{axis}": column for axis, column in zip("xyz", y.T, strict=True)}
+    if stamped:
+        lines = {"time": np.arange(len(y)) / 100, **lines}
+    path = tmp_path / "lying.csv"
+    path.write_text("".join(",".join([name, *(f"{v:.4f}" for v in values)]) + "\n" for name, values in lines.items()))
+    check(understood(capsys, str(path)), axes=["ax", "ay", "az"], visits=8 if stamped else 24)
+
+
+def test_axes_with_a_clock_each_are_read_on_one(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    from asammdf import MDF, Signal
+
+    y = tumble(rng)
+    path = tmp_path / "clocks.mf4"
+    with MDF() as mdf:
+        for k, axis in enumerate("XYZ"):
+            stamps = np.arange(len(y)) / 100 + 0.002 * k
+            mdf.append([Signal(y[:, k] * 9.80665, stamps, name=f"Acceleration{axis}", unit="m/s^2")])
+        mdf.append([Signal(np.full(60, 25.0), np.arange(60.0), name="Temperature", unit="degC")])
+        mdf.save(path, overwrite=True)
+    one = understood(capsys, str(path))
+    check(one, axes=[f"Acceleration{a}" for a in "XYZ"], raw_unit="m/s²", rate_hz=100.0, visits=8, poses=8)
+
+
+def test_means_with_the_name_of_a_pose_each_are_visits_of_that_name(rng: np.random.Generator, tmp_path: Path) -> None:
+    names = ["+X", "-X", "+Y", "-Y", "+Z", "-Z"]
+    faces = np.repeat(np.eye(3), 2, axis=0) * np.tile([1, -1], 3)[:, None] * 1.01 + 0.01
+    path, out = tmp_path / "six.csv", tmp_path / "six.parquet"
+    rows = (",".join([n, *(str(round(v * 16384)) for v in f)]) for n, f in zip(names, faces, strict=True))
+    path.write_text("\n".join(["face,x,y,z", *rows]) + "\n")
+    done = captured("import", path, "--recipe", "six-point", "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    answer = tmp_path / "answer.json"
+    done = captured("calibrate", "--samples", out, "--recipe", "six-point", "--json", answer)
+    assert (done.returncode, done.stderr) == (0, "")
+    (unit,) = json.loads(answer.read_text())["units"]
+    assert unit["offset"] == pytest.approx([0.01] * 3, abs=1e-4)
+
+
+@pytest.mark.parametrize("order", ["backwards", "shuffled"])
+def test_rows_in_another_order_than_time_are_sorted_and_it_is_said(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, order: str
+) -> None:
+    y = tumble(rng)
+    rows = np.c_[np.arange(len(y)) / 100, y]
+    rows = rows[::-1] if order == "backwards" else rng.permutation(rows)
+    path = tmp_path / "rows.csv"
+    np.savetxt(path, rows, "%.5f", ",", header="t,ax,ay,az", comments="")
+    one = understood(capsys, str(path))
+    check(one, visits=8, rate_hz=100.0)
+    assert [r["id"] for r in one["remarks"]] == ["rows-sorted"]
+
+
+def test_an_axis_that_stands_still_while_others_turn_is_refused(rng: np.random.Generator, tmp_path: Path) -> None:
+    y = tumble(rng)
+    y[:, 2] = 0
+    path = tmp_path / "dead.csv"
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y], "%.5f", ",", header="t,ax,ay,az", comments="")
+    done = captured("import", path)
+    assert done.returncode == 2
+    assert "column az: every reading is 0 while the other axes turn" in done.stderr
+
+
+@pytest.mark.parametrize("end", [0.9, 0.7])
+def test_an_axis_that_is_cut_off_still_rests(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, end: float
+) -> None:
+    y = np.clip(tumble(rng), -1.0, end)
+    path = tmp_path / "cut.csv"
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y], "%.5f", ",", header="t,ax,ay,az", comments="")
+    check(understood(capsys, str(path), "--unit", "g"), visits=8)
+
+
+def test_marks_of_thousands_may_be_apostrophes_and_names_chinese(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = tumble(rng) * 16384
+    swiss = tmp_path / "swiss.csv"
+    marked = ((f"{round(v):,}".replace(",", "'") for v in row) for row in y)
+    swiss.write_text("t;ax;ay;az\n" + "".join(f"{i / 100:.2f};{';'.join(r)}\n" for i, r in enumerate(marked)))
+    check(understood(capsys, str(swiss)), raw_unit="LSB", scale=1 / 16384, visits=8)
+    page = tmp_path / "page.csv"
+    head = "时间(s),加速度X(m/s2),加速度Y(m/s2),加速度Z(m/s2)\n"
+    rows = "".join(f"{i / 100:.2f},{a:.4f},{b:.4f},{c:.4f}\n" for i, (a, b, c) in enumerate(y / 16384 * 9.80665))
+    page.write_bytes((head + rows).encode("gb18030"))
+    check(understood(capsys, str(page)), axes=["加速度X", "加速度Y", "加速度Z"], raw_unit="m/s²", visits=8)

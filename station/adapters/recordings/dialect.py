@@ -14,6 +14,8 @@ _THOUSANDS = {
     ".": re.compile(r"^[+-]?\d{1,3}(,\d{3})+(\.\d*)?$"),
     ",": re.compile(r"^[+-]?\d{1,3}(\.\d{3})+(,\d*)?$"),
 }
+#: And as Switzerland does, and space.
+_APOSTROPHES = re.compile(r"^[+-]?\d{1,3}(['\u2019\u202f\xa0]\d{3})+([.,]\d*)?$")
 _COMMENT = re.compile(r"^\s*(#|%|//|!)")
 _RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
 _RATE_KEY = re.compile(
@@ -120,7 +122,7 @@ def split(line: str, delimiter: str, *, closed: bool = True) -> list[str]:
 
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, with either decimal mark."""
-    return _NUMBER.match(cell) is not None or any(mark.match(cell) for mark in _THOUSANDS.values())
+    return any(mark.match(cell) for mark in (_NUMBER, *_THOUSANDS.values(), _APOSTROPHES))
 
 
 def cell_value(cell: str, decimal: str) -> float:
@@ -128,6 +130,8 @@ def cell_value(cell: str, decimal: str) -> float:
     plain = cell.strip()
     if plain[:2].lower() == "0x" and _NUMBER.match(plain):
         return float(int(plain, 16))
+    if _APOSTROPHES.match(plain):
+        plain = re.sub(r"['\u2019\u202f\xa0]", "", plain)
     if _THOUSANDS[decimal].match(plain):
         plain = plain.replace("." if decimal == "," else ",", "")
     plain = plain.replace(decimal, ".")

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 
 from station.adapters.recordings.limits import MOST_COLUMNS
+from station.domain.recognition import one_clock
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 from station.messages import Message
 
 
 def read(path: Path) -> list[RawTable]:
-    """One table for each time base; none where there are only CAN frames. Errors: SamplesError.
+    """One table for each time base, and one of axes that have a base each; none where there are only CAN frames.
+    Errors: SamplesError.
 
     asammdf raises whatever its parsers come across in a damaged file: all of it means the same.
     """
@@ -28,7 +30,9 @@ def read(path: Path) -> list[RawTable]:
         raise
     except Exception as error:
         raise SamplesError("recording-not-parsed", file=str(path), reason=Message("content-damaged")) from error
-    return [RawTable(str(path), tuple(columns)) for columns in bases.values()]
+    tables = [RawTable(str(path), tuple(columns)) for columns in bases.values()]
+    together = one_clock.joined(tables)
+    return tables if together is None else [*tables, together]
 
 
 def _take(signal: Any, bases: dict[bytes, list[RawColumn]]) -> None:

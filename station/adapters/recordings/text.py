@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from station.adapters.recordings import arrow, cells, dialect, echoed, json_rows, kinds, stamps, wrapped
+from station.adapters.recordings import arrow, cells, dialect, echoed, json_rows, kinds, lying, stamps, wrapped
 from station.adapters.recordings.dialect import Dialect
 from station.adapters.recordings.limits import MOST_LINE, check_shape
 from station.domain.recognition.raw_table import RawColumn, RawTable
@@ -14,6 +14,7 @@ from station.messages import Message
 
 #: Rows of another length than the rest may be this share: a last line cut off, a message between.
 RAGGED, FEW_RAGGED = 0.002, 5
+_BEYOND_ASCII = re.compile(rb"[\x81-\xff]+")
 #: Bytes of no text.
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
 
@@ -30,7 +31,7 @@ def read(path: Path) -> list[RawTable]:
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MOST_LINE:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
-    lines = echoed.table_lines(lines) or lines
+    lines = echoed.table_lines(lines) or lying.upright_lines(lines) or lines
     parts = [part for part in kinds.apart(lines) if _is_table(part)] or [lines]
     if len(parts) == 1 and (unwrapped := wrapped.unwrapped_lines(dialect.without_keys(parts[0]))) is not None:
         parts = [unwrapped]
@@ -75,7 +76,10 @@ def _decoded(path: Path) -> tuple[str, int]:
     try:
         return content.decode("utf-8-sig"), nuls
     except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace"), nuls
+        # Of Western pages letters beyond ASCII stand alone most often; Chinese ones are pairs.
+        runs = _BEYOND_ASCII.findall(content[:4096])
+        pairs = all(len(run) % 2 == 0 for run in runs)
+        return content.decode("gb18030" if runs and pairs else "cp1252", errors="replace"), nuls
 
 
 def _parsed(file: str, lines: list[str], found: Dialect, places: list[int]) -> tuple[Any, int]:

@@ -41,7 +41,7 @@ def find(time_s: Floats, reading: Floats) -> Ints:
     window = _window(time_s)
     std = _moving_std(reading, window)
     code = np.array([_smallest_difference(column) for column in reading.T])
-    quiet = np.quantile(std, QUIET_SHARE, axis=0) * (1 + MOTION_MARGIN / np.sqrt(window))
+    quiet = _quiet_level(reading, std) * (1 + MOTION_MARGIN / np.sqrt(window))
     quiet = np.maximum(quiet, BETWEEN_CODES * code)
     still = (std <= quiet).all(axis=1) & ~_straddles_gap(time_s, window)
     runs = _runs(still)
@@ -53,6 +53,19 @@ def find(time_s: Floats, reading: Floats) -> Ints:
     parts = [part for a, b in _joined(reading, edge, short, step) for part in _split(reading, a, b, window, step)]
     trimmed = np.array(parts, np.int64).reshape(-1, 2) + np.array([short, -short])
     return np.asarray(trimmed[trimmed[:, 1] - trimmed[:, 0] >= window - 2 * short])
+
+
+def _quiet_level(reading: Floats, std: Floats) -> Floats:
+    """What the quietest windows scatter by (3); those that stand still at the end of an axis's range are cut off there,
+    and show no noise."""
+    level, window = np.quantile(std, QUIET_SHARE, axis=0), len(reading) - len(std) + 1
+    for axis, column in enumerate(reading.T):
+        changes = np.cumsum(np.r_[0, column[1:] != column[:-1]])
+        stands = changes[window - 1 :] == changes[: len(std)]
+        cut_off = stands & np.isin(column[: len(std)], (column.min(), column.max()))
+        if 0 < cut_off.sum() < len(std):
+            level[axis] = max(level[axis], np.quantile(std[~cut_off, axis], QUIET_SHARE))
+    return np.asarray(level)
 
 
 def _smallest_difference(column: Floats) -> float:

@@ -24,6 +24,8 @@ SAME_RATE = 0.3
 EPOCH_S = (5e8, 5e9)
 #: Stamps are coarse where fewer than this share of the readings has a new one, and tell the rate where so many change.
 COARSE, LEAST_CHANGES = 0.2, 4
+#: A clock is steady where this share of its steps is within this share of the usual one.
+MOSTLY, STEADY = 0.95, 0.2
 #: More stamps than this share going back, and the rows are out of order.
 BACKWARDS = 0.1
 
@@ -72,7 +74,7 @@ def stamped(
             return counted(len(raw), None, rate_hz, "data")
     time_s = (raw - raw[0]) * TIME_UNITS[unit]
     back = np.diff(time_s) < 0
-    if back.sum() > max(BACKWARDS * len(back), 2):
+    if back.sum() > max(BACKWARDS * len(back), 2) and not _shuffled(time_s):
         row = int(np.flatnonzero(back)[0]) + 1
         raise SamplesError("stamps-go-back", file=file, column=name, row=row + 1, rows=int(back.sum()))
     order = np.argsort(time_s, kind="stable")
@@ -87,6 +89,13 @@ def stamped(
     return SampleClock(
         time_s, order, unit, inferred, found_hz or 1 / middle, "data", jitter_s, int(gap.sum()), restarts
     )
+
+
+def _shuffled(time_s: Floats) -> bool:
+    """Whether stamps that go back are those of a steady clock in another order: backwards, or by other things."""
+    steps = np.diff(np.sort(time_s))
+    middle = float(np.median(steps))
+    return middle > 0 and bool(np.mean(np.abs(steps - middle) < STEADY * middle) > MOSTLY)
 
 
 def _between_changes(time_s: Floats) -> Floats:

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
+from station.domain.recognition import axis_names
 from station.domain.recognition.quantities import (
     QUANTITIES,
     Quantity,
@@ -29,14 +30,14 @@ _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orien
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
 #: Units of stamps.
 TIME_UNITS = ("s", "ms", "us", "ns")
-#: Axes as names number them.
-_NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
 #: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.
 FOREIGN, BY_CONTENT, NAMELESS = 30, 25, 10
 #: A column of at least so many steps is time where this share of them is within this share of the median step.
 LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
 #: Most labels that are visits and not identifiers, and how many readings each must last.
 MOST_LABELS, LEAST_LASTING = 2000, 8
+#: Rows of a list that has a name for each.
+LEAST_NAMED, MOST_NAMED = 3, 500
 #: A sensor that is turned shows means that scatter by this share of their magnitude.
 LEAST_TURN = 0.2
 
@@ -150,23 +151,8 @@ def _rank(stem: str, quantity: Quantity) -> int:
 
 def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, Axes]]:
     """Columns whose names differ by x, y, z alone, or by three numbers: what is common to them, and their places."""
-    groups: dict[tuple[str, str], dict[str, int]] = {}
-    for place in table.numeric():
-        if place in assigned or not table.numbers(place).any():
-            continue
-        name = table.columns[place].name.lower()
-        for i, letter in enumerate(name):
-            if letter in "xyz":
-                groups.setdefault((name[:i], name[i + 1 :]), {}).setdefault(letter, place)
-        if numbered := _NUMBERED.match(name):
-            groups.setdefault((numbered["stem"], "\0"), {}).setdefault(numbered["axis"], place)
-    found = []
-    for (head, tail), places in groups.items():
-        for axes in ("xyz", "012", "123"):
-            if all(a in places for a in axes):
-                found.append((f"{head} {tail}".replace("\0", ""), (places[axes[0]], places[axes[1]], places[axes[2]])))
-                break
-    return found
+    free = (place for place in table.numeric() if place not in assigned and table.numbers(place).any())
+    return list(axis_names.triples((place, table.columns[place].name) for place in free))
 
 
 def _by_content(table: RawTable, candidates: list[Axes], quantity: Quantity) -> Axes:
@@ -291,10 +277,19 @@ def _labels(table: RawTable, assigned: set[int | None]) -> int | None:
         if place in assigned or not table.named or not _LABEL.search(column.name):
             continue
         codes = column.text.code if column.text is not None else column.values
-        if codes is None or not _marks_parts(np.asarray(codes)):
+        if codes is None or not (_marks_parts(np.asarray(codes)) or _names_each(table, column)):
             continue
         return place
     return None
+
+
+def _names_each(table: RawTable, column: RawColumn) -> bool:
+    """Whether a short table without a clock has a name for each row: means of poses."""
+    rows = len(table)
+    clocked = any(_TIME.search(c.name) for c in table.columns)
+    if column.text is None or clocked or not LEAST_NAMED <= rows <= MOST_NAMED:
+        return False
+    return bool(np.all(column.text.code[1:] != column.text.code[:-1]))
 
 
 def _marks_parts(codes: Array) -> bool:

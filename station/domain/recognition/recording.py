@@ -19,6 +19,8 @@ from station.messages import Message
 COLDEST, HOTTEST = -80.0, 250.0
 #: Fewer rests than these, among readings all round, are chance.
 LEAST_RESTS = 5
+#: An axis of fewer equal readings may be one that nothing turned.
+LEAST_DEAD = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +58,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
     raw, usable = raw[ticks.order], keep[ticks.order]
+    _check_alive(table, roles, raw)
     unit_change.check(table.source, raw, quantity)
     edges, names, declared = _declared(table, roles, options, usable, raw)
     if declared == "shown-blocks" and ticks.unit != "none":
@@ -75,8 +78,21 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         clock=ticks,
         scale=scale,
         unit=unit,
-        remarks=(*table.remarks, *remarks, *lost, *_unread(table, roles, ticks), *_others(table, roles)),
+        remarks=(
+            *table.remarks,
+            *remarks,
+            *lost,
+            *_unread(table, roles, ticks),
+            *_sorted(table, ticks),
+            *_others(table, roles),
+        ),
     )
+
+
+def _sorted(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
+    """What is said of rows that were in another order than that of time."""
+    late = float(np.mean(np.diff(ticks.order) < 0)) if len(ticks.order) > 1 else 0.0
+    return (Message("rows-sorted", file=table.source),) if late > clock.BACKWARDS else ()
 
 
 def _others(table: RawTable, roles: Roles) -> tuple[Message, ...]:
@@ -85,6 +101,15 @@ def _others(table: RawTable, roles: Roles) -> tuple[Message, ...]:
         return ()
     names = tuple(", ".join(table.columns[i].name for i in axes) for axes in roles.others)
     return (Message("axes-of-others", file=table.source, axes=names),)
+
+
+def _check_alive(table: RawTable, roles: Roles, raw: Floats) -> None:
+    """Errors: SamplesError where an axis stands still while the others turn."""
+    range_, size = np.ptp(raw, axis=0), float(np.median(np.linalg.norm(raw, axis=1)))
+    dead = np.flatnonzero(range_ == 0)
+    if len(dead) and len(raw) >= LEAST_DEAD and float(range_.max()) > columns.LEAST_TURN * size > 0:
+        name = table.columns[roles.axes[int(dead[0])]].name
+        raise SamplesError("axis-dead", file=table.source, column=name, value=float(raw[0, dead[0]]))
 
 
 def _unread(table: RawTable, roles: Roles, ticks: SampleClock) -> tuple[Message, ...]:

@@ -11,6 +11,8 @@ from station.domain.core.types import Array, Floats
 WHOLE = 0.15
 #: Values from whose differences a step is found, and the fewest that show one.
 MOST_READINGS, MOST_VALUES, LEAST_VALUES = 200_000, 4000, 4
+#: Fewer readings than these are apart by their poses, not by a step.
+LEAST_READINGS = 16
 #: A reading repeated this often in a visit, at the end of what the axis ever reads, is the end of its range.
 FLAT_SHARE = 0.5
 MAD = 1.4826
@@ -78,6 +80,8 @@ def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, fl
 
 def step_of(column: Floats) -> float:
     """The step of which all readings (n) are multiples apart; 0 where they show none."""
+    if len(column) < LEAST_READINGS:
+        return 0.0
     values = np.unique(column[:MOST_READINGS])
     if len(values) > MOST_VALUES:
         middle = len(values) // 2

@@ -48,6 +48,7 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
         "visits_by": None if visits is None else visits.found_by,
         "poses": None if visits is None else _poses(means, r.unit),
         "magnitude": {"median": float(np.median(size)), "least": float(size.min()), "greatest": float(size.max())},
+        "single_readings": bool(np.all(edges[:, 1] - edges[:, 0] == 1)),
         "noise": found.noise.tolist(),
         "lsb": found.lsb.tolist(),
         "full_scale": found.full_scale,
@@ -106,7 +107,7 @@ def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Me
         key = f"visits-by-{facts['visits_by']}"
         yield Message("understood-visits", visits=facts["visits"], how=Message(key), poses=facts["poses"])
     size = facts["magnitude"]
-    single = facts["visits_by"] == "readings"
+    single = facts["single_readings"]
     yield Message(
         "understood-size" if single else "understood-magnitude", median=size["median"], least=size["least"],
         greatest=size["greatest"], unit=facts["reading_unit"],

@@ -39,7 +39,11 @@ def labelled(file: str, column: RawColumn, keep: Array) -> tuple[Ints, tuple[str
         text = np.array([f"{v:g}" if np.isfinite(v) else "" for v in np.asarray(column.values, float)[keep]], object)
     begin = np.flatnonzero(np.r_[True, text[1:] != text[:-1]])
     end = np.r_[begin[1:], len(text)]
-    runs = [(a, b) for a, b in zip(begin.tolist(), end.tolist(), strict=True) if str(text[a]).strip() and b - a > 1]
+    listed = len(begin) == len(text)
+    least = 1 if listed else 2  # of single readings among parts each is a slip
+    runs = [
+        (a, b) for a, b in zip(begin.tolist(), end.tolist(), strict=True) if str(text[a]).strip() and b - a >= least
+    ]
     if not runs:
         raise SamplesError("labels-empty", file=file, column=column.name)
     return np.array(runs, np.int64), tuple(str(text[a]).strip() for a, _ in runs)

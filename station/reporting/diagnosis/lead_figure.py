@@ -69,7 +69,8 @@ def _of_samples(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure |
     """A cause that shows in single samples: its spectrum, its readings, or read against expected."""
     over = drawn_over(cause["effect"])
     if over == "spectrum" and data.spectrum is not None:
-        return spectrum_figure(data.spectrum, cause, data.unit_of_readings), report_text("caption-spectrum")
+        caption = report_text("caption-spectrum" if data.spectrum.off is not None else "caption-spectrum-on")
+        return spectrum_figure(data.spectrum, cause, data.unit_of_readings), caption
     if over == "samples" and cause["effect"] in data.samples:
         return samples_figure(data.samples[cause["effect"]], cause, data.unit_of_readings), report_text(
             "caption-samples"

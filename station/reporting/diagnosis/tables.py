@@ -71,7 +71,8 @@ def intervals_chart(cause: Mapping[str, Any]) -> str | None:
     wide = [1.96 * float(r["std"] or 0.0) * factor for r in rows]
     low, high = ([a + s * b for a, b in zip(y, wide, strict=True)] for s in (-1, 1))
     series = Series(list(map(float, range(len(y)))), y, low=low, high=high)
-    title = f"{rows[0]['name']} of {cause['effect']}, largest first"
+    name = str(rows[0]["name"]).replace("_", " ")
+    title = report_text("figure-intervals", effect=cause["effect"], name=name)
     return svg(Figure(title, "", unit, (series,), names, width=760, height=320))
 
 

@@ -231,11 +231,20 @@ def _legend(figure: Figure) -> list[str]:
         for s in reversed(row):
             at -= text_width(s.name) + 22
             colour = COLOURS[s.colour % len(COLOURS)]
-            size, dot = 1.6 if s.mark == "circle" else 1.0, s.kind == "dots"
-            parts.append(mark(s.mark, at + 5, 16 + down, colour, size) if dot else _rect(at, 11 + down, 10, 10, colour))
+            parts.append(_legend_mark(s, at, 11 + down, colour))
             parts.append(svg_text(at + 14, 20 + down, s.name))
         down += 20
     return parts
+
+
+def _legend_mark(s: Series, x: float, y: float, colour: str) -> str:
+    """What stands for a series, as it is drawn: a mark, a band about its line, or a square of its colour."""
+    if s.kind == "dots":
+        return mark(s.mark, x + 5, y + 5, colour, 1.6 if s.mark == "circle" else 1.0)
+    if s.kind == "line" and s.low is not None:
+        band = f'<rect x="{x:.1f}" y="{y:.1f}" width="10.0" height="10.0" fill="{colour}" fill-opacity="0.18"/>'
+        return band + _line(x, y + 5, x + 10, y + 5, colour)
+    return _rect(x, y, 10, 10, colour)
 
 
 def _line(x1: float, y1: float, x2: float, y2: float, colour: str, *, dash: str = "") -> str:
