@@ -176,6 +176,14 @@ def test_tables_of_a_fleet_are_a_source_and_a_unit_in_two_sources_counts_once(
     assert "no whole Parquet file" in command("backtest", *same, "--db", fleet, code=2)
 
 
+@pytest.mark.parametrize(
+    "address", ["nonsense", "http://host:80", "tcp://host", "tcp://host:x", "tcp://host:99999", "inproc://1/2/3"]
+)
+def test_what_is_no_address_of_a_scheduler_is_refused_at_once(address: str) -> None:
+    with pytest.raises(InputError, match="is no address of a scheduler"):
+        DaskEngine(address)
+
+
 def test_a_scheduler_that_is_not_there_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("station.adapters.fleet.dask_engine._CONNECT_S", 1)
     with pytest.raises(StationFault, match=r"scheduler at tcp://127\.0\.0\.1:9 does not answer"):

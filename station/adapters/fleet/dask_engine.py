@@ -20,6 +20,7 @@ try:
     import dask
     from distributed import Client, Future, KilledWorker, LocalCluster, Security, as_completed
     from distributed.client import FutureCancelledError
+    from distributed.comm.addressing import get_address_host_port
 except ImportError as missing:
     raise InputError("fleet-not-installed") from missing
 
@@ -28,6 +29,7 @@ WORKER_MEMORY = 2 << 30
 #: Portions at the scheduler at a time: what a large cluster has to do for minutes, and little memory.
 IN_FLIGHT = 256
 _CONNECT_S = 15
+_LAST_PORT = 65535
 #: What a local cluster does without. Dask samples itself for a dashboard, which is not there: a fifth of the
 #: processor's time; and has its workers give memory back at once, for the next portion to get it page by page: a tenth.
 _FRUGAL = {
@@ -43,12 +45,13 @@ _FRUGAL = {
 class DaskEngine:
     """address: of a scheduler, tcp://… or tls://…; "": so many worker processes of this machine.
 
-    Errors: StationFault where the cluster does not answer; InputError where it runs another code.
+    Errors: StationFault where the cluster does not answer; InputError where it runs other code or the address is none.
     """
 
     def __init__(self, address: str = "", workers: int = 1) -> None:
         self._address, self._open = address, ExitStack()
         self._where = address or "127.0.0.1"
+        _refuse_no_address(address)
         with ExitStack() as opening:
             settings = {"distributed.comm.timeouts.connect": f"{_CONNECT_S}s", **({} if address else _FRUGAL)}
             opening.enter_context(dask.config.set(settings))
@@ -114,6 +117,16 @@ class DaskEngine:
             raise InputError("cluster-other-code", own=code_version(), other=_reason(error)) from error
         for version in found.values():
             _refuse_other(code_version(), version)
+
+
+def _refuse_no_address(address: str) -> None:
+    """Before a client is made: one whose address has no port waits for half a minute and ends in a traceback."""
+    try:
+        port = get_address_host_port(address)[1] if address else 1
+    except ValueError:
+        port = 0
+    if not 0 < port <= _LAST_PORT:
+        raise InputError("cluster-no-address", address=address)
 
 
 async def _after_what_is_due() -> None:
