@@ -11,7 +11,7 @@ from scipy import stats
 from station.cli.app import main
 from station.diagnosis.fleet.interval import GroupUnits, best_stretch
 from station.diagnosis.fleet.moments import FleetCell, Moments
-from station.diagnosis.fleet.noise import ResponseNoise
+from station.diagnosis.fleet.noise import ResponseNoise, response_noise, winsorised
 from station.diagnosis.fleet.time_scan import CauseDirections, GroupScan
 from tests.fakes import shared_fleet
 
@@ -159,3 +159,16 @@ def test_a_cause_in_the_middle_of_a_group_has_a_beginning_and_an_end() -> None:
     assert (found.begun, found.ended) == (True, True)
     always = best_stretch(none, np.eye(1), 1.0)
     assert (always.first, always.last, always.begun, always.ended) == (0, 900, False, False)
+
+
+def test_units_with_heavy_tails_scatter_no_more_than_the_search_reckons_with() -> None:
+    """In every direction, winsorised as they are summed: half of the directions are Student's t with 3 degrees."""
+    rng, known, d = np.random.default_rng(SEED), 2048, 12
+
+    def draw(units: int) -> Any:
+        return np.hstack([rng.standard_t(3, (units, d // 2)), rng.normal(size=(units, d // 2))])
+
+    noise = response_noise(draw(known), [unit % 15 for unit in range(known)])
+    largest = np.linalg.eigvalsh(np.cov(winsorised(noise.whitened(draw(20_000))).T))[-1]
+    # What a covariance from so many units is off by in its worst direction (Marchenko and Pastur), and as much again.
+    assert largest < (1 + np.sqrt(d / known)) ** 4
