@@ -1,7 +1,7 @@
 """The visits of a scene as arrays: who, where, in which order, and how the part stood."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
 import numpy as np
@@ -38,13 +38,17 @@ class VisitTable:
     stimulus: Floats
     previous: NDArray[np.intp]
     gold: Floats | None = None
+    #: Names of the groups of a level that were written already: every cause asks for them.
+    _written: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.run)
 
     def group(self, level: str, runs: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Group codes (v) and names; see Scene.group."""
-        return self.codes(level, runs), self._names(level, runs)
+        if (level, runs) not in self._written:
+            self._written[level, runs] = self._names(level, runs)
+        return self.codes(level, runs), self._written[level, runs]
 
     def codes(self, level: str, runs: int) -> NDArray[np.int32]:
         """Group codes (v) alone."""
