@@ -69,9 +69,21 @@ class FloorStructure:
         both = variances[0] * self.white + variances[1] * turned
         return np.asarray(both.reshape(len(both), -1)[:, : self.pad.shape[1]])
 
+    def by_visits(self) -> "FloorStructure":
+        """The same in blocks of one visit each, as where nothing walks."""
+        C, B, v, k = self.walk.shape[:4]
+        if v == 1:
+            return self
+        white, step = self.white.reshape(C, B * v, k), self.step.reshape(C, B * v, 1)
+        turn, walk = (x.reshape(C, B * v, 1, k, 3) for x in (self.turn, self.walk))
+        inside = step[..., None] * np.einsum("cbvia,cbvja->cbij", walk, walk)
+        return FloorStructure(white, turn, walk, step, step, inside, self.pad, self.member)
+
     def covariance(self, variances: Floats) -> FloorCovariance:
         """The floor with the variances (3)."""
         white, turn, walk = (float(x) for x in variances)
+        if walk == 0.0 and self.turn.shape[2] > 1:
+            return self.by_visits().covariance(variances)
         C, B, s = self.white.shape
         v, k = self.turn.shape[2:4]
         V = walk * self.inside
@@ -92,12 +104,14 @@ class FloorStructure:
             P = P + walk * self.taken[:, b, -1, None, None] * np.eye(3) - gain[:, b] @ gain[:, b].swapaxes(-1, -2)
             logdet += 2 * np.log(np.einsum("cii->ci", L)).sum(1)
         live = self.pad[self.member].reshape(len(self.member), -1) == 0
-        runs = RunFilter(inverse, observed, gain, self.member, self.pad.shape[1])
+        runs = RunFilter(inverse, observed, gain, self.member, self.pad.shape[1], walk > 0.0)
         return FloorCovariance(runs, live, float(logdet[self.member].sum()))
 
     def traces(self, runs: RunFilter) -> Floats:
         """Trace (classes, 3) of V⁻¹ times each part."""
         C, B, s = self.white.shape
+        if runs.inverse.shape[1] != B:
+            return self.by_visits().traces(runs)
         v, k = self.turn.shape[2:4]
         roots, later = runs.precision_roots(), runs.later_information()
         white = np.einsum("cbij,cbij,cbj->c", roots, roots, self.white, optimize=True)

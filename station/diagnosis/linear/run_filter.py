@@ -35,13 +35,14 @@ def split_blocks(values: Array, blocks: int, size: int, axis: int) -> Array:
 class RunFilter:
     """inverse (classes, B, s, s) of each block's Cholesky factor; observed (classes, B, s, 3) the walk before it as its
     white rows see it; gain (classes, B, 3, s) the walk after it from its white rows; member (U, R): the class of each
-    unit's run; rows of a run."""
+    unit's run; rows of a run; walks: whether anything walks at all, else no block knows of another."""
 
     inverse: Array
     observed: Array
     gain: Array
     member: NDArray[np.intp]
     rows: int
+    walks: bool = True
 
     @staticmethod
     def of_white_rows(units: int, rows: int) -> "RunFilter":
@@ -64,8 +65,10 @@ class RunFilter:
             # Runs of one kind need no copy each of what they share.
             inverse = self.inverse[0] if len(self.inverse) == 1 else self.inverse[self.member, 0]
             return np.asarray(np.matmul(inverse, rows, out=out))
-        observed, gain = self.observed[self.member], self.gain[self.member]
         white = self.inverse[self.member] @ self._split(rows)
+        if not self.walks:
+            return self._joined(white, out)
+        observed, gain = self.observed[self.member], self.gain[self.member]
         walk: Array = np.zeros((*white.shape[:2], 3, white.shape[-1]), white.dtype)
         for b in range(1, white.shape[2]):
             walk = walk + gain[:, :, b - 1] @ white[:, :, b - 1]
@@ -75,7 +78,7 @@ class RunFilter:
     def transposed(self, rows: Array) -> Array:
         """L⁻ᵀ times rows (U, R, m, c)."""
         back = self._split(rows)
-        if back.shape[2] > 1:
+        if back.shape[2] > 1 and self.walks:
             observed, gain = (x[self.member].swapaxes(-1, -2) for x in (self.observed, self.gain))
             back = back.copy()
             walk: Array = np.zeros((*back.shape[:2], 3, back.shape[-1]), back.dtype)
@@ -86,9 +89,10 @@ class RunFilter:
 
     def coloured(self, white: Array) -> Array:
         """L times white rows (U, R, m, c)."""
-        root = np.linalg.inv(self.inverse)[self.member]
+        root, split = np.linalg.inv(self.inverse)[self.member], self._split(white)
+        if not self.walks:
+            return self._joined(root @ split)
         observed, gain = self.observed[self.member], self.gain[self.member]
-        split = self._split(white)
         rows = split.copy()
         walk: Array = np.zeros((*rows.shape[:2], 3, rows.shape[-1]), rows.dtype)
         for b in range(1, rows.shape[2]):
