@@ -77,7 +77,7 @@ def reduce_portions(recipe: Recipe, portions: Portions) -> PortionedTable | None
     return PortionedTable(
         _preflight(recipe, found.checked, means),
         recipe,
-        Inspection((), used, hidden),
+        Inspection((), used, hidden, as_measured=True),
         join_parts(recipe, means, parts, found.sigma),
     )
 

@@ -93,9 +93,11 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
     in the table."""
     input_checks.check(recipe, table)
-    inspected = inspect(recipe, recut(recipe, table.used()).table)
+    cut = recut(recipe, table.used())
+    inspected = inspect(recipe, cut.table)
     input_checks.check_unclipped(table, inspected.table)
     reduced = reduce_samples(recipe, inspected.table)
+    inspected = replace(inspected, as_measured=not inspected.faults and cut.stretches == 0)
     return diagnose_reduced(recipe, SampleSource.of(table), inspected, reduced, model, null_of)
 
 

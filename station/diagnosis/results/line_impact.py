@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.search.scoring import ScoringProblem
-from station.domain.core.types import Floats, Outcome, SampleTable
+from station.domain.core.types import Floats, Outcome
 from station.domain.evaluation import pipeline
 from station.domain.evaluation.pipeline import CalibrationResult
+from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationError
-from station.model.scene import visits_scene_of_table
 
 #: A thousandth of a recipe's unit, as a line speaks of it.
 MILLI_UNITS = {"g": "mg", "uT": "nT", "deg/s": "mdeg/s"}
@@ -63,7 +64,7 @@ def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
     if not (d.faults or d.causes):
         return None
     try:
-        before, after = (_results(d.recipe, t, today) for t in (d.samples.portions(), _corrected_portions(d)))
+        before, after = (_results(d.recipe, units, today) for units in _measured_and_corrected(d))
     except StationError:
         # Data that can be diagnosed need not be such that the recipe's method can calibrate them.
         return None
@@ -112,18 +113,28 @@ def _unit_document(u: UnitImpact, *, judged: bool) -> dict[str, Any]:
     }
 
 
-def _results(recipe: Recipe, tables: Iterable[SampleTable], today: str) -> list[CalibrationResult]:
-    return sorted(pipeline.calibrate_portions(recipe, tables, today), key=lambda r: r.serial)
+def _results(recipe: Recipe, units: Iterable[UnitDwells], today: str) -> list[CalibrationResult]:
+    return sorted(pipeline.calibrate_dwells(recipe, units, today), key=lambda r: r.serial)
 
 
-def _corrected_portions(d: Diagnosis) -> Iterator[SampleTable]:
-    """The samples with gross faults put right and every new cause taken off."""
+def _measured_and_corrected(d: Diagnosis) -> Iterator[list[UnitDwells]]:
+    """The dwells of every unit as they were measured; and with gross faults put right and every new cause taken off."""
+    measured = _dwells(d.recipe, d.samples)
+    yield measured
+    corrected = measured if d.inspection.as_measured else _dwells(d.recipe, d.inspection.samples)
     effect = sum((cause_contribution(d.last, i)[0] for i in new_causes(d)), np.zeros_like(d.last.view.reduced.mean))
-    before = 0
-    for table in d.inspection.samples.portions():
-        visit = visits_scene_of_table(d.recipe, table).visit
-        yield replace(table, reading=table.reading - effect[before + visit])
-        before += int(visit.max()) + 1
+    ends = np.cumsum([len(unit) for unit in corrected])[:-1]
+    yield [_less(unit, own) for unit, own in zip(corrected, np.split(effect, ends), strict=True)]
+
+
+def _dwells(recipe: Recipe, samples: SampleSource) -> list[UnitDwells]:
+    return [unit for table in samples.portions() for unit in reduce_table(table, recipe)]
+
+
+def _less(unit: UnitDwells, effect: Floats) -> UnitDwells:
+    """A unit whose readings in each dwell are less by an effect (v, 3)."""
+    d = unit.dwells
+    return replace(unit, dwells=replace(d, mean=d.mean - effect, low=d.low - effect, high=d.high - effect))
 
 
 def _unit_impact(before: CalibrationResult, after: CalibrationResult, strength: float) -> UnitImpact | None:

@@ -75,17 +75,30 @@ def calibrate_portions(
     prior: NoisePrior | None = None,
 ) -> Iterator[CalibrationResult]:
     """The same for tables of whole units each, one after the other: memory follows the largest of them."""
-    design.check(recipe)
-    references.check_due(recipe, today)
+    # What is wrong with the recipe is said before any table is read.
+    _check(recipe, today)
+    yield from calibrate_dwells(recipe, (u for t in tables for u in reduce_table(t, recipe, prior)), today, rounding)
+
+
+def calibrate_dwells(
+    recipe: Recipe, units: Iterable[UnitDwells], today: str, rounding: Floats = NO_ROUNDING
+) -> Iterator[CalibrationResult]:
+    """The same for what the samples of each unit came to."""
+    _check(recipe, today)
     truths: references.Truths = {}
     batch: list[UnitInput] = []
-    for table in tables:
-        for found in reduce_table(table, recipe, prior):
-            batch.append((found.serial, reduce_visits(found, recipe, truths), found))
-            if len(batch) == BATCH:
-                yield from _solve(recipe, batch, rounding)
-                batch = []
+    for found in units:
+        batch.append((found.serial, reduce_visits(found, recipe, truths), found))
+        if len(batch) == BATCH:
+            yield from _solve(recipe, batch, rounding)
+            batch = []
     yield from _solve(recipe, batch, rounding)
+
+
+def _check(recipe: Recipe, today: str) -> None:
+    """Errors: RecipeError, ReferenceOverdue."""
+    design.check(recipe)
+    references.check_due(recipe, today)
 
 
 def calibrate_reduced(

@@ -29,12 +29,13 @@ __all__ = ["FaultParameter", "GrossFault", "Inspection", "inspect", "undetectabl
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
     """Faults; the samples as they would be without them, clipped stops left out; the faults that nothing could show;
-    and causes of the bank that were looked for here already."""
+    causes of the bank that were looked for here already; as_measured: whether readings and visits are as they came."""
 
     faults: tuple[GrossFault, ...]
     samples: SampleSource
     undetectable: tuple[str, ...]
     tested: tuple[str, ...] = ()
+    as_measured: bool = False
 
     @property
     def table(self) -> SampleTable:
