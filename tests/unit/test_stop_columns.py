@@ -37,3 +37,13 @@ def test_columns_of_an_axis_each_are_held_in_a_third(rng: np.random.Generator) -
     held = StopColumns.of(stop, dwell)
     assert held.moving is not None
     assert held.still.nbytes == stop.nbytes / 3 and held.moving.nbytes == dwell.nbytes / 3
+
+
+def test_a_course_that_several_axes_share_is_held_once(rng: np.random.Generator) -> None:
+    course, keep = rng.standard_normal((5, 1, 1)), rng.standard_normal((5, 3, 3))
+    stop = np.concatenate([np.eye(3) * course, np.eye(3) * course**2], axis=2)
+    held = StopColumns.of(stop)
+    assert held.still.shape == (5, 2)
+    np.testing.assert_array_equal(held.stop(), stop)
+    np.testing.assert_array_equal(held.retained(keep), keep @ stop)
+    assert held.count == 6

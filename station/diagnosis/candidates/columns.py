@@ -1,4 +1,5 @@
-"""Columns of a cause at the stops without the places where they are zero: most columns move one axis alone."""
+"""Columns of a cause at the stops without the places where they are zero, each course once: most columns move one axis
+alone, and many move each axis alike."""
 
 from dataclasses import dataclass, replace
 
@@ -15,12 +16,13 @@ ALL_STOPS = slice(None)
 class StopColumns:
     """Columns of the stops' means (v, 3, a), and of the contrasts (v, B−1, 3, a) where they change within a stop.
 
-    axis, column (n): where a column is not zero at some stop; still (v, n) and moving (v, B−1, n) what stands there,
-    the latter None where nothing moves; count: a.
+    axis, column (n): where a column is not zero at some stop; course (n) which of the courses stands there; still
+    (v, f) and moving (v, B−1, f) the courses, the latter None where nothing moves; count: a.
     """
 
     axis: NDArray[np.intp]
     column: NDArray[np.intp]
+    course: NDArray[np.intp]
     still: Floats
     moving: Floats | None
     count: int
@@ -32,8 +34,18 @@ class StopColumns:
         if dwell is not None:
             there = there | np.any(dwell, axis=(0, 1))
         column, axis = np.nonzero(there.T)
-        moving = None if dwell is None else dwell[..., axis, column]
-        return StopColumns(axis, column, stop[:, axis, column], moving, stop.shape[2])
+        places = list(zip(axis.tolist(), column.tolist(), strict=True))
+        found: dict[tuple[bytes, bytes], int] = {}
+        course = [
+            found.setdefault(
+                (stop[:, i, k].tobytes(), b"" if dwell is None else dwell[..., i, k].tobytes()), len(found)
+            )
+            for i, k in places
+        ]
+        first = [course.index(f) for f in range(len(found))]
+        moving = None if dwell is None else dwell[..., axis[first], column[first]]
+        still = stop[:, axis[first], column[first]]
+        return StopColumns(axis, column, np.array(course, np.intp), still, moving, stop.shape[2])
 
     def stop(self, stops: slice = ALL_STOPS) -> Floats:
         """Whole columns of some stops' means (v, 3, a)."""
@@ -46,7 +58,7 @@ class StopColumns:
     def retained(self, keep: Floats, stops: slice = ALL_STOPS) -> Floats:
         """What `keep` (v, k, 3) of all stops leaves of some stops' means (v, k, a)."""
         if len(self.axis) == self.count and np.array_equal(self.column, np.arange(self.count)):
-            return np.asarray(keep[stops][:, :, self.axis] * self.still[stops, None])
+            return np.asarray(keep[stops][:, :, self.axis] * self.still[stops][:, None, self.course])
         return np.asarray(keep[stops] @ self.stop(stops))
 
     def select_visits(self, chosen: Array) -> "StopColumns":
@@ -55,5 +67,5 @@ class StopColumns:
 
     def _whole(self, values: Floats) -> Floats:
         out = np.zeros((*values.shape[:-1], 3, self.count))
-        out[..., self.axis, self.column] = values
+        out[..., self.axis, self.column] = values[..., self.course]
         return out
