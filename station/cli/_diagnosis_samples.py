@@ -19,7 +19,7 @@ CAN_LOGS = (".log", ".blf", ".asc", ".mf4")
 #: A thousand units of three runs of 24 visits are 7.2 million; every row costs some 300 bytes of memory.
 MOST_ROWS = 10_000_000
 #: A table of more rows is gone through in portions of about so many.
-LARGE_ROWS, PORTION_ROWS = 500_000, 200_000
+LARGE_ROWS, PORTION_ROWS = 500_000, 100_000
 
 
 @dataclass(frozen=True, slots=True)

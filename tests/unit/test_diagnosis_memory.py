@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates import projected_bank
 from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
-from station.diagnosis.search import distinguishability, form_check
+from station.diagnosis.search import distinguishability, form_check, scoring
 from station.diagnosis.search.candidate_banks import all_candidates, build_banks
 from station.diagnosis.search.distinguishability import SignatureAxes, estimate_signal, signature_axes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
@@ -30,7 +32,7 @@ def problem() -> Any:
 
 def few_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(form_check, "COLUMNS_AT_ONCE", 1)
-    monkeypatch.setattr(form_check, "FEWEST_LAWS_AT_ONCE", 7)
+    monkeypatch.setattr(form_check, "FEWEST_LAWS_AT_ONCE", 3)
 
 
 def test_laws_looked_at_in_portions_are_those_of_all_at_once(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,3 +130,19 @@ def test_a_column_whose_names_are_all_used_is_not_copied() -> None:
     assert fewer.code.dtype == np.int32
     nothing = column[:0].used()
     assert nothing.names == () and not len(nothing.code)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_space_made_some_units_at_a_time_scores_as_the_whole_does(
+    problem: Any, moving: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    floor, bank = problem.fit().floor, build_banks(problem.view)[moving]
+    (whole,) = project_bank(bank, problem.view.layout, [problem.space(floor, moving=moving)])
+    monkeypatch.setattr(projected_bank, "UNITS_AT_ONCE", 2)
+    monkeypatch.setattr(scoring, "UNITS_AT_ONCE", 2)
+    parted = problem.setting.scored_space(floor, moving=moving)
+    assert isinstance(parted, PartedSpace)
+    (found,) = project_bank(bank, problem.view.layout, [parted])
+    np.testing.assert_allclose(found.evidence, whole.evidence, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.readings.fits, whole.readings.fits, rtol=1e-12)
+    assert found.readings.size.dof == whole.readings.size.dof

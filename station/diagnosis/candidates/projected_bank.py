@@ -24,6 +24,7 @@ from station.diagnosis.linear.evidence import (
     visible_directions,
 )
 from station.diagnosis.linear.grid import RowLayout
+from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
@@ -82,7 +83,7 @@ class ProjectedBank:
 
 
 def project_bank(
-    bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace], *, axes: bool = False
+    bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace | PartedSpace], *, axes: bool = False
 ) -> tuple[ProjectedBank, ...]:
     """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
     blocks, scans = _column_blocks(bank), [i for i, c in enumerate(bank.candidates) if c.scans_visits]
@@ -93,17 +94,17 @@ def project_bank(
     for units in layout.grid.parts(UNITS_AT_ONCE) if bank.candidates else ():
         rows = bank.rows(layout, units) if bank.made else None
         single = [visit_columns(bank, i, layout, units) for i in scans]
-        for i, space in enumerate(spaces):
+        for i, space in enumerate(each.part(units) for each in spaces):
             found, white = list[NormalProducts](), list[Array]()
             for block in blocks if bank.made else ():
                 assert rows is not None
-                columns = space.project(rows.only(block.at), units)
-                found += _products(block, columns, space, units)
+                columns = space.project(rows.only(block.at))
+                found += _products(block, columns, space)
                 white += [columns.astype(np.float32)] if axes else []
             if white:
                 kept[i].append(np.concatenate(white, axis=2))
             if single:
-                visits = VisitSpace.of(space, layout.grid.k, units)
+                visits = VisitSpace.of(space, layout.grid.k)
                 found += [visits.products(one) for one in single]
             pairs = zip(kinds, found, strict=True)
             parts[i].append([x if kind.pattern == "shared" else _diagonal(kind, x, axes=axes) for kind, x in pairs])
@@ -170,14 +171,14 @@ def _column_blocks(bank: Bank) -> list[ColumnBlock]:
     ]
 
 
-def _products(block: ColumnBlock, columns: Floats, space: ResidualSpace, units: slice) -> Iterator[NormalProducts]:
-    """The products of some units' white columns (U, M, C) of a block, of each of its kinds: (b, U, K, …),
+def _products(block: ColumnBlock, columns: Floats, space: ResidualSpace) -> Iterator[NormalProducts]:
+    """The products of the units' white columns (U, M, C) of a block, of each of its kinds: (b, U, K, …),
     (b, U, G, K, …) of a scan, (b, K, …) summed over the units of a shared one."""
     Z = np.ascontiguousarray(columns.swapaxes(1, 2))
     U, _, M = Z.shape
     sets = Z.reshape(U, -1, block.width, M)
-    cross = (Z @ space.shared_basis[units]).reshape(*sets.shape[:3], -1)
-    readings = (Z @ space.data[units, :, None]).reshape(sets.shape[:3])
+    cross = (Z @ space.shared_basis).reshape(*sets.shape[:3], -1)
+    readings = (Z @ space.data[..., None]).reshape(sets.shape[:3])
     # Candidates that share a coefficient and those that do not see the same columns: one product serves both.
     whole = sets @ sets.swapaxes(2, 3) if any(kind.pattern != "scan" for kind in block.kinds) else None
     for kind in block.kinds:
@@ -198,19 +199,20 @@ def _products(block: ColumnBlock, columns: Floats, space: ResidualSpace, units: 
 def _merge_parts(
     bank: Bank,
     kinds: Sequence[ShapeGroup],
-    space: ResidualSpace,
+    space: ResidualSpace | PartedSpace,
     parts: Sequence[list[NormalProducts | EigenProducts]],
     drawn: AxesSource | None,
 ) -> ProjectedBank:
     """What all parts together show."""
-    sets = DataSets.of(space, space.data[None])
+    sets = space.data_sets() if isinstance(space, PartedSpace) else DataSets.of(space, space.data[None])
     found: dict[int, CandidateFit] = {}
     for k, kind in enumerate(kinds):
         found.update(
             zip(kind.which, _candidate_fits(kind, bank, [part[k] for part in parts], drawn, sets), strict=True)
         )
     fits = tuple(found[i] for i in range(len(bank.candidates)))
-    return ProjectedBank(bank, fits, sets, None if drawn is None else space)
+    kept = space if drawn is not None and isinstance(space, ResidualSpace) else None
+    return ProjectedBank(bank, fits, sets, kept)
 
 
 def _diagonal(kind: ShapeGroup, products: NormalProducts, *, axes: bool) -> EigenProducts:

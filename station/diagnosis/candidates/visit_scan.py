@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Bank
 from station.diagnosis.linear.grid import RowLayout
-from station.diagnosis.linear.projection import ALL_UNITS, ResidualSpace
+from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.linear.run_filter import RunFilter
 from station.domain.core.types import Array, Floats
 
@@ -74,10 +74,10 @@ class VisitSpace:
     readings: Floats
 
     @staticmethod
-    def of(space: ResidualSpace, k: int, units: slice = ALL_UNITS) -> "VisitSpace":
+    def of(space: ResidualSpace, k: int) -> "VisitSpace":
         """From the space."""
-        runs = space.covariance.runs.of_units(units)
-        rows = np.concatenate([space.data[units, :, None], space.shared_basis[units], space.basis[units]], axis=2)
+        runs = space.covariance.runs
+        rows = np.concatenate([space.data[..., None], space.shared_basis, space.basis], axis=2)
         readings, cross, own = np.split(passed_back(runs, rows, k), [1, 1 + space.shared_basis.shape[2]], axis=3)
         blocks = runs.precision_blocks(k)[runs.member].reshape(*readings.shape[:2], k, k)
         return VisitSpace(blocks - own @ own.swapaxes(-1, -2), cross, readings)

@@ -67,7 +67,7 @@ class NuisanceColumns:
         """Whether anything known changes within a stop."""
         return self.own.dwell is not None or self.shared.dwell is not None
 
-    def of_units(self, chosen: Array) -> "NuisanceColumns":
+    def of_units(self, chosen: Array | slice) -> "NuisanceColumns":
         """The same of some units."""
         return NuisanceColumns(
             self.own.of_units(chosen),
@@ -91,6 +91,10 @@ class FloorCovariance:
     runs: RunFilter
     live: NDArray[np.bool_]
     logdet: float
+
+    def of_units(self, units: slice) -> "FloorCovariance":
+        """The floor of some units; the log-determinant stays with the whole."""
+        return FloorCovariance(self.runs.of_units(units), self.live[units], 0.0)
 
     def whiten(self, rows: DataColumns, dwell: int, more: int = 0, units: slice = ALL_UNITS) -> Floats:
         """Rows of unit variance (U, R·m + dwell + more, c) of some units; `dwell` is how many contrasts a unit shall
@@ -141,6 +145,11 @@ class ResidualSpace:
     def rest(self) -> float:
         """Sum of squares of the readings without anything known."""
         return float(np.sum(self.residual**2))
+
+    def part(self, units: slice) -> "ResidualSpace":
+        """The same of some units, as columns are projected and compared with the readings in it."""
+        covariance, basis, shared = self.covariance.of_units(units), self.basis[units], self.shared_basis[units]
+        return replace(self, covariance=covariance, basis=basis, shared_basis=shared, data=self.data[units])
 
     def project(self, rows: DataColumns, units: slice = ALL_UNITS) -> Floats:
         """Columns of some units as this space sees them (U, M, c), shared known ones not yet taken off."""

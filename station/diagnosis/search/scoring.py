@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import Bank, Candidate
+from station.diagnosis.candidates.bank import UNITS_AT_ONCE, Bank, Candidate
 from station.diagnosis.candidates.nuisance import AcceptedCause, CoefficientIndex, accept_candidate, nuisance_of
 from station.diagnosis.candidates.projected_bank import CandidateFit, ProjectedBank, project_bank
 from station.diagnosis.data.residuals import ResidualView
@@ -16,6 +16,7 @@ from station.diagnosis.linear import noise_floor
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.noise_floor import FloorStructure, NoiseFloor
+from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
 from station.domain.core.types import Array, Floats
 
@@ -40,6 +41,12 @@ class ScoringSetting:
     def space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace:
         """The readings under a floor."""
         return residual_space(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
+
+    def scored_space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace | PartedSpace:
+        """The same to score a bank in; of more units than are gone through at once not held, where it need not be."""
+        if self.layout.grid.units <= UNITS_AT_ONCE or self.known.shared.stop.shape[-1]:
+            return self.space(at, moving=moving)
+        return PartedSpace(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
 
     def of_units(self, chosen: Array) -> "tuple[ScoringSetting, Array]":
         """The setting of the chosen units alone, and which stops (v) are theirs."""
@@ -211,9 +218,12 @@ def score_under_floors(
     setting: ScoringSetting, banks: Sequence[Bank], floors: Sequence[NoiseFloor], *, copies: int = 1, axes: bool = False
 ) -> tuple[ScoredBank, ...]:
     """The bank under each of some floors; its columns are laid out once."""
-    projected = []
+    projected, spaces = [], list[ResidualSpace | PartedSpace]()
     for bank in banks:
-        spaces = [setting.space(at, moving=bank.moving).times(copies) for at in floors]
+        if axes or copies > 1:
+            spaces = [setting.space(at, moving=bank.moving).times(copies) for at in floors]
+        else:
+            spaces = [setting.scored_space(at, moving=bank.moving) for at in floors]
         projected.append(project_bank(bank, setting.layout, spaces, axes=axes))
     return tuple(ScoredBank(at, each) for at, each in zip(floors, zip(*projected, strict=True), strict=True))
 
