@@ -222,7 +222,7 @@ def lines(found: Preflight, unit: str) -> Iterator[Message]:
         yield Message("preflight-noise", noise=noise, lsb=lsb, unit=unit)
     else:
         yield Message("preflight-single-readings", lsb=lsb, unit=unit)
-    if names := _told(found):
+    if names := _inferred_names(found):
         yield Message("preflight-inferred", names=names)
     if found.temperature_degC is not None:
         yield Message("preflight-temperature", low=found.temperature_degC[0], high=found.temperature_degC[1])
@@ -233,11 +233,11 @@ def lines(found: Preflight, unit: str) -> Iterator[Message]:
         yield Message("visits-left-out-more", count=len(found.left_out) - shown)
 
 
-def _told(found: Preflight) -> tuple[Message, ...]:
+def _inferred_names(found: Preflight) -> tuple[Message, ...]:
     """The names of what no sheet states and the readings tell; single readings tell neither rate nor noise."""
     names = {"rate_hz": "sheet-rate", "noise_density": "sheet-noise", "lsb": "sheet-steps"}
-    told = ("lsb",) if found.sheet.rate_hz is None else tuple(names)
-    return tuple(Message(names[key]) for key in names if key in found.inferred and key in told)
+    readable = ("lsb",) if found.sheet.rate_hz is None else tuple(names)
+    return tuple(Message(names[key]) for key in names if key in found.inferred and key in readable)
 
 
 def merge(parts: list[Preflight]) -> Preflight:

@@ -78,16 +78,16 @@ def _headline(line: LineStatistics, value: str, size: int, words: Words) -> str:
     if not units or not final:
         return ""
     shares = {"final": f"{100 * passed / final:.1f}", "first": f"{100 * first / units:.1f}"}
-    told = words.render(Message("charts-headline", units=final, **shares))
+    headline = words.render(Message("charts-headline", units=final, **shares))
     groups = _groups(line, value, size)
     lower, upper = limits_of(value, line.recipe.limits) if line.recipe else (None, None)
     if groups is None or (lower is None and upper is None):
-        return told
+        return headline
     try:
         cpk = capability.capability(groups, lower, upper).cpk
     except UsageError:
-        return told
-    return f"{told} · Cpk {format_number(cpk[0], 3)}"
+        return headline
+    return f"{headline} · Cpk {format_number(cpk[0], 3)}"
 
 
 def _translated(table: ChartTable, say: Translate) -> ChartTable:

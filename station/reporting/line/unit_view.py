@@ -22,7 +22,7 @@ _MARKS = ("circle", "triangle", "square")
 _HOUR_NS = 3_600 * 10**9
 #: Of so many other units at least the nest is judged; it is suspected where this share of them missed the limit, and
 #: twice the share of other nests.
-_ENOUGH, _SUSPECT = 5, 0.2
+_MIN_UNITS, _SUSPECT_SHARE = 5, 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,12 +148,12 @@ def nest_sentence(
         return ""
     known: dict[str, str | int] = {"nest": own.nest, "units": len(there)}
     known["median"] = f"{median(there):.5g}".replace("-", "−")
-    if limits is None or len(there) < _ENOUGH:
+    if limits is None or len(there) < _MIN_UNITS:
         return words.render(Message("nest-of-the-day", **known))
     missed, missed_elsewhere = (sum(not limits[0] <= v <= limits[1] for v in values) for values in (there, elsewhere))
     if not missed:
         return words.render(Message("nest-is-well", **known))
-    if missed >= _SUSPECT * len(there) and missed * len(elsewhere) >= 2 * missed_elsewhere * len(there):
+    if missed >= _SUSPECT_SHARE * len(there) and missed * len(elsewhere) >= 2 * missed_elsewhere * len(there):
         return words.render(
             Message("nest-is-suspect", **known, missed=missed, others=len(elsewhere), missed_there=missed_elsewhere)
         )
