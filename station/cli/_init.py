@@ -88,6 +88,9 @@ def draft_product(request: InitRequest, *, as_json: bool) -> int:
     if request.eds is not None:
         _refuse_contradiction(request.eds, request.dbc, draft)
     _write(request.folder, draft.texts)
+    if not as_json:
+        for message in (*draft.remarks, *(Message("init-wrote", file=str(request.folder / p)) for p in draft.texts)):
+            _output.print_message(message)
     recipe = str(Path("recipes") / f"{draft.recipe}.yaml")
     with chdir(request.folder):
         problem = _problem(recipe)
@@ -100,8 +103,6 @@ def draft_product(request: InitRequest, *, as_json: bool) -> int:
             {"schema": SCHEMA, "files": files, "remarks": remarks, "problem": sentence, "exit_code": code}
         )
         return code
-    for message in (*draft.remarks, *(Message("init-wrote", file=str(request.folder / p)) for p in draft.texts)):
-        _output.print_message(message)
     if problem is not None:
         raise problem
     _output.print_message(Message("init-next", recipe=recipe, product=next(str(p) for p in draft.texts)))
@@ -227,7 +228,7 @@ def _chosen(request: InitRequest, layouts: Mapping[str, FrameLayout]) -> tuple[F
     """The message of the readings: the one named, the one a person chooses, or the likeliest. Errors: ProductError."""
     if request.message is not None and request.message not in layouts:
         raise ProductError(
-            "dbc-message-unknown", dbc=str(request.dbc), message=request.message, known=tuple(layouts)[:20]
+            "init-message-unknown", dbc=str(request.dbc), message=request.message, known=tuple(layouts)[:20]
         )
     wanted = layouts if request.message is None else {request.message: layouts[request.message]}
     found = [p for p in frame_roles.propose_roles(wanted, request.sensor) if p.complete][:MOST_PROPOSALS]

@@ -1,10 +1,12 @@
 """What the commands that read a log share: which log, what time is meant, which attempts."""
 
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.domain.core.types import Outcome
 from station.errors import UsageError
+from station.messages.labels import check_names
 from station.service import time_text
 
 if TYPE_CHECKING:
@@ -51,6 +53,16 @@ def parse_outcome(text: str | None) -> str | None:
     if (outcome := text.strip().upper()) not in tuple(Outcome):
         raise UsageError("outcome-unknown", text=text[:40], outcomes=tuple(Outcome))
     return outcome
+
+
+def parse_check(text: str | None) -> str | None:
+    """A limit or another reason to fail, as the log names it. Errors: UsageError."""
+    if text is None:
+        return None
+    known = check_names()
+    if (check := text.strip().lower()) not in known:
+        raise UsageError("check-unknown", text=text[:40], nearest=get_close_matches(check, known, 2, 0.0), known=known)
+    return check
 
 
 def parse_head(text: str | None) -> dict[int, bytes]:

@@ -63,7 +63,7 @@ def command(
         station audit --verify
     """
     from station.cli import _audit, _bundle
-    from station.cli._log_options import open_named_log, parse_head, parse_outcome, parse_span_ns
+    from station.cli._log_options import open_named_log, parse_check, parse_head, parse_outcome, parse_span_ns
     from station.ports.log_reader import Query, serial_filter
 
     named = serial_filter(serial)
@@ -75,7 +75,7 @@ def command(
         recipe_version=recipe_version,
         fixture=fixture,
         reference=reference,
-        check=check,
+        check=parse_check(check),
         station=station,
         nest=nest,
         lot=lot,

@@ -36,7 +36,7 @@ def command(
         station contain --reference GOLD-7 --json
     """
     from station.cli import _contain
-    from station.cli._log_options import open_named_log, parse_span_ns
+    from station.cli._log_options import open_named_log, parse_check, parse_span_ns
     from station.ports.log_reader import Query
 
     since_ns, until_ns = parse_span_ns(since, until)
@@ -51,7 +51,7 @@ def command(
         operator=operator,
         software=software,
         firmware=firmware,
-        check=check,
+        check=parse_check(check),
         since_ns=since_ns,
         until_ns=until_ns,
     )

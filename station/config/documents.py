@@ -28,6 +28,8 @@ CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u2
 # Plain scalars as in the core schema of YAML 1.2: `off`, `NO` and `2027-03-01` stay text.
 _INT = re.compile(r"[-+]?[0-9]{1,40}|0x[0-9a-fA-F]{1,32}|0o[0-7]{1,40}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,4})?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+#: Of a file with another ending that is no YAML, the ending is what is wrong.
+_ENDINGS = ("", ".yaml", ".yml", ".json")
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 
 
@@ -67,12 +69,16 @@ def load_document(path: Path, error: type[InputError] = InputError, most_bytes: 
         data = builder.build(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
     except yaml.MarkedYAMLError as exc:
         line, why = syntax_mistake(text, exc)
+        if path.suffix.lower() not in _ENDINGS:
+            raise error("file-no-yaml", file=str(path), ending=path.suffix) from exc
         raise error("line-of-file", file=str(path), line=line, reason=why) from exc
     except yaml.reader.ReaderError as exc:
         line, why = unusable_character(text, exc)
         raise error("line-of-file", file=str(path), line=line, reason=why) from exc
     except RecursionError as exc:
         raise error("file-nested-too-deep", file=str(path)) from exc
+    if not isinstance(data, dict) and path.suffix.lower() not in _ENDINGS:
+        raise error("file-no-yaml", file=str(path), ending=path.suffix)
     return Document(path, data, builder.lines)
 
 

@@ -159,6 +159,7 @@ def test_the_chain_is_whole_and_answers_to_its_printed_head(db: Path, capsys: Ou
         (["--head", f"5:{'a' * 64}"], "--head goes with --verify only"),
         (["--limit", "0"], "--limit"),
         (["--outcome", "passed"], "'passed' is not an outcome; choose one of PASS, FAIL"),
+        (["--check", "gians"], "'gians' is no limit that a unit can fail (nearest: gain"),
         (["--verify", "--key", "none.pem"], "none.pem cannot be read (no such file or folder)"),
     ],
 )

@@ -193,3 +193,12 @@ def test_the_hash_is_of_the_content_not_of_the_text(tmp_path: Path) -> None:
     assert recipe_hash(load_recipe(written(tmp_path, commented))) == recipe_hash(first)
     assert recipe_hash(load_recipe(written(tmp_path, GOOD.replace("version: 1", "version: 2")))) != recipe_hash(first)
     assert recipe_hash(first) == content_hash(first)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("sensor.dbc", 'VERSION ""\nNS_ :\nBS_:\n'), ("faces.csv", "t,x,y,z\n0,1,2,3\n")]
+)
+def test_another_kind_of_file_is_told_so_and_not_its_first_colon(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RecipeError, match=rf"{name} is no YAML file but ends in"):
+        load_document(tmp_path / name, RecipeError)

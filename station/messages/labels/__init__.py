@@ -12,3 +12,8 @@ def all_texts() -> Mapping[str, Mapping[str, str]]:
     found = sorted(f.name for f in resources.files(__name__).iterdir() if f.name.endswith(".json"))
     folder = resources.files(__name__)
     return {name[:-5]: json.loads((folder / name).read_text(encoding="utf-8")) for name in found}
+
+
+def check_names() -> tuple[str, ...]:
+    """Everything that a unit may have failed, as the log names it."""
+    return tuple(sorted(k.removeprefix("check_") for k in all_texts()["en"] if k.startswith("check_")))
