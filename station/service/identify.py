@@ -92,11 +92,12 @@ def read_old_values(unit: Unit, job: Job, store: Store) -> None:
 def make_ready(unit: Unit, job: Job, store: Store) -> None:
     """Settings for calibrating, PDOs that send, NMT operational, raw output; each switch is read back."""
     unit.boot_ups = unit.device.boot_ups()
-    unit.heartbeat_s = _heartbeat_s(unit)
     unit.device.emergencies()  # those of power-on are known
     if not unit.found_state:
         unit.found_state = unit.device.state()
-    process_data.read(unit, job, store)
+    if job.product.map.protocol == "canopen":  # another protocol's objects of these numbers mean something else
+        unit.heartbeat_s = _heartbeat_s(unit)
+        process_data.read(unit, job, store)
     unit.enter(UnitState.PREPARED)
     set_for_run(unit, job, raw=True)
 
