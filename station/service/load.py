@@ -338,7 +338,7 @@ class Load:
         """Leaves the device, closes the attempt, and only then says how it ended."""
         fault = fault or (None if outcome is Outcome.PASS else process_data.remapped(unit, self._job))
         if fault is not None:
-            unit.reasons.append(reason_of(fault))
+            unit.reasons.insert(0, reason_of(fault))  # before what came of it
             outcome = Outcome(fault.outcome)
         failed = restore_as_found(unit, self._job)
         outcome = self._disturbed(unit, outcome)

@@ -21,7 +21,7 @@ from station.domain.run.progress import Event, VisitDone, VisitRejected, VisitSt
 from station.errors import PositionerFault
 from station.messages import Message, render
 from station.ports.store import VisitRecord
-from station.service import silence
+from station.service import process_data, silence
 from station.service.capture import Capture
 from station.service.station import Job, Station
 from station.service.stop_request import StopRequest
@@ -125,7 +125,14 @@ class VisitMeasurement:
         return visit, (*gold, *alive, *(self._explained(unit, planned, reason) for reason in found))
 
     def _explained(self, unit: Unit, planned: PlannedVisit, reason: Reason) -> Reason:
-        """A silence with what explains it."""
+        """A silence, or a rate that is too low, with what explains it."""
+        if reason.check in ("rate", "too-few"):
+            slow = process_data.slow_timer(unit, self._job)
+            return (
+                reason
+                if slow is None
+                else replace(reason, message=Message("visit-because", visit=reason.message, cause=slow))
+            )
         if reason.check != "silent":
             return reason
         return replace(reason, message=silence.explain(unit, self._station, self._job, planned.position))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.core.types import EXTENDED
+from station.domain.product import map_check
 from station.domain.product.device_map import PdoSetup
 from station.domain.product.sdo_codes import address
 from station.domain.product.sending_pdo import (
@@ -28,6 +29,8 @@ from station.service.unit import RunSetting, Unit
 MOST_PDOS = 8
 #: An event timer counts milliseconds (CiA 301, sub-index 5 of the communication parameters).
 FASTEST_TIMER_HZ = 1000.0
+#: An event timer whose rate is below this share of the recipe's explains why readings are missing.
+SLOW_SHARE = 0.9
 
 
 def read(unit: Unit, job: Job, store: Store) -> None:
@@ -171,9 +174,29 @@ def _number(unit: Unit, index: int, sub: int) -> int | None:
     return None if raw is None else int.from_bytes(raw, "little")
 
 
-def why_silent(unit: Unit, layout: SensorLayout) -> Iterator[Message]:
-    """What the communication parameters of the readings' PDOs say against frames, as they are now. Errors: those of
-    SDO."""
+def slow_timer(unit: Unit, job: Job) -> Message | None:
+    """What the run left as it found it: an event timer by which readings come more rarely than the recipe says."""
+    frames_hz = job.recipe.device.rate_hz / job.layout.samples_a_frame
+    set_up = {s.address[0] - COMMUNICATION for s in unit.settings if _is_pdo(s) and s.address[1] == EVENT_TIMER}
+    for pdo in unit.pdos:
+        timer_ms = pdo.event_timer_ms
+        if pdo.transmission < EVENT or not timer_ms or pdo.number in set_up:
+            continue
+        if 1000 / timer_ms < SLOW_SHARE * frames_hz:
+            at = address(COMMUNICATION + pdo.number, EVENT_TIMER)
+            wanted_ms = 1000 / frames_hz
+            return Message("event-timer-slow", object=at, pdo=pdo.number + 1, timer_ms=timer_ms, wanted_ms=wanted_ms)
+    return None
+
+
+def why_silent(unit: Unit, job: Job) -> Iterator[Message]:
+    """What the communication parameters of the readings' PDOs say against frames, as they are now; of a device without
+    PDOs, that it answers. Errors: those of SDO."""
+    layout = job.layout
+    if job.product.map.protocol != "canopen":
+        for at in map_check.readable(job.product.map)[:1]:
+            unit.device.upload(*at)
+        return
     wanted = [layout.id_of(message, unit.seat.node) for message in layout.messages]
     sent: dict[int, SendingPdo] = {}
     for number in range(MOST_PDOS):

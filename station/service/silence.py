@@ -33,7 +33,7 @@ def _causes(unit: Unit, station: Station, job: Job) -> Iterator[Message]:
         yield unit.emergency
     if not restarted:
         try:
-            yield from process_data.why_silent(unit, job.layout)
+            yield from process_data.why_silent(unit, job)
         except DeviceSilent:
             yield Message("silent-altogether")
         except StationError as exc:

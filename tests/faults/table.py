@@ -96,6 +96,12 @@ _OPTIONAL = _rows(
 _SENDING = _rows(
     "How it sends",
     ("its event timer is 0: set for the run", "device holds:index=0x1800,sub=5,value=0", PASS, "", NEW),
+    (
+        "its event timer is slower than the recipe",
+        "device holds:index=0x1800,sub=5,value=50",
+        FAIL,
+        "Event timer 0x1800:05 of its PDO 1 is 50 ms, but the recipe's rate needs 10 ms",
+    ),
     ("it waits for SYNC", "device holds:index=0x1800,sub=2,value=1", PASS, "", NEW),
     ("it waits for every second SYNC", "device holds:index=0x1800,sub=2,value=2", PASS, "", NEW),
     ("it waits for SYNC after an event", "device holds:index=0x1800,sub=2,value=0", PASS, "", NEW),
@@ -247,15 +253,15 @@ _ANSWERS = _rows(
         "one answer for another object",
         "device wrong-object:at=12,times=1,value=8192",
         ERROR,
-        "to other requests arrived",
+        "to another request, or with a wrong toggle bit",
     ),
     (
         "a coefficient answered as another one",
         "device wrong-object:index=0x2101,sub=4,value=0x2102",
         ERROR,
-        "1 answer to other requests",
+        "1 answer came that does not fit it",
     ),
-    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "to other requests arrived"),
+    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "to another request, or with a wrong toggle bit"),
     ("a node babbles with the highest priority", "device babble:after_s=26", PASS, "", NEW),
     ("it babbles from the start, and others get through", "device babble", PASS, "", NEW),
 )

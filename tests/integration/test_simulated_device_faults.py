@@ -57,7 +57,7 @@ def stale_once(rig: DeviceRig) -> None:
 
 
 def wrong_object(rig: DeviceRig) -> None:
-    with pytest.raises(DeviceSilent, match="1 answer to other requests"):
+    with pytest.raises(DeviceSilent, match="1 answer came that does not fit it"):
         rig.station.upload(0x2106, 0)
 
 
@@ -68,7 +68,7 @@ def refuse(rig: DeviceRig) -> None:
 
 
 def wrong_toggle(rig: DeviceRig) -> None:
-    with pytest.raises(DeviceSilent, match="1 answer to other"):
+    with pytest.raises(DeviceSilent, match="1 answer came"):
         rig.station.upload(0x1008, 0)
 
 
