@@ -5,6 +5,7 @@ rectangle, where few readings were rounded; and what a converter that cuts off t
 the last two, k is Student's quantile of the effective degrees of freedom.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -68,24 +69,26 @@ class ErrorDistribution:
 
     def tail(self, x: Floats) -> Floats:
         """Probability (…) that the error is above x, a shift being there as likely as not."""
-        plain = self._is_plain()
-        out = scipy.special.stdtr(np.clip(self.dof, 1.0, MANY), -x / np.maximum(self.std, 1e-300))
-        if not plain.all():
-            some, at = self.take(~plain), x[~plain]
-            out[~plain] = (some._rest().above(at) + some._rest().above(at - some.shift)) / 2
-        return np.asarray(out)
-
-    def _found(self, probability: float, *, two_sided: bool) -> Floats:
-        plain = self._is_plain()
-        level = (1 + probability) / 2 if two_sided else probability
-        out = np.asarray(quantile(self.dof, level) * self.std)
-        if not plain.all():
-            some = self.take(~plain)
-            out[~plain] = some._rest().quantile(probability, some.shift, two_sided=two_sided)
+        out = np.asarray(scipy.special.stdtr(np.clip(self.dof, 1.0, MANY), -x / np.maximum(self.std, 1e-300)))
+        for which in self._mixed():
+            some, at = self.take(which), x[which]
+            rest = some._rest()
+            out[which] = np.maximum(1 - (rest.below(at)[0] + rest.below(at - some.shift)[0]) / 2, 0.0)
         return out
 
-    def _is_plain(self) -> NDArray[np.bool_]:
-        return np.asarray((self.rectangle <= 0) & (self.shift <= 0))
+    def _found(self, probability: float, *, two_sided: bool) -> Floats:
+        level = (1 + probability) / 2 if two_sided else probability
+        out = np.asarray(quantile(self.dof, level) * self.std)
+        for which in self._mixed():
+            some = self.take(which)
+            out[which] = some._rest().quantile(probability, some.shift, two_sided=two_sided)
+        return out
+
+    def _mixed(self) -> Iterator[NDArray[np.bool_]]:
+        """Which errors are more than Student's t: without a rectangle, and with one."""
+        for which in ((self.rectangle <= 0) & (self.shift > 0), self.rectangle > 0):
+            if which.any():
+                yield which
 
     def _rest(self) -> "_Rounded":
         variance = self.std**2
@@ -97,24 +100,22 @@ class ErrorDistribution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rounded:
-    """s·t of ν degrees of freedom (n) plus a rectangle of half-width a (n)."""
+    """s·t of ν degrees of freedom (n) plus a rectangle of half-width a (n), of all or of none."""
 
     std: Floats
     dof: Floats
     half: Floats
 
-    def above(self, x: Floats) -> Floats:
-        """Probability (n) of more than x."""
-        return np.maximum(1 - self._below(x), 0.0)
-
     def quantile(self, probability: float, shift: Floats, *, two_sided: bool) -> Floats:
         """x (n) that the shifted sum, or its absolute value, is below with that probability."""
-        x, moving = shift.copy(), np.arange(len(shift))
+        # A rectangle and the other side only widen: there is no less than this.
+        x, moving = shift + self.std * quantile(self.dof, probability), np.arange(len(shift))
         for _ in range(STEPS):
-            some, own = self.take(moving), shift[moving]
-            held, density = some._below(x[moving] - own), some._density(x[moving] - own)
+            some, own, at = self.take(moving), shift[moving], x[moving]
+            held, density = some.below(at - own)
             if two_sided:
-                held, density = held - some._below(-x[moving] - own), density + some._density(-x[moving] - own)
+                beyond, more = some.below(-at - own)
+                held, density = held - beyond, density + more
             by = np.maximum(probability - held, 0.0) / np.maximum(density, 1e-300)
             x[moving] += by
             # Each stops by itself, so that its bits do not depend on its neighbours.
@@ -127,25 +128,27 @@ class _Rounded:
         """Some of them."""
         return _Rounded(self.std[which], self.dof[which], self.half[which])
 
-    def _ends(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        """Half-width and both ends of the rectangle about x, in s; hardly any rectangle is one of a thousandth."""
+    def below(self, x: Floats) -> tuple[Floats, Floats]:
+        """Probability (n) of less than x, and the density there."""
+        at, stdtr = x / self.std, scipy.special.stdtr
+        if not self.half.any():
+            return stdtr(self.dof, at), self._density(at) / self.std
+        # Hardly any rectangle is one of a thousandth.
         half = np.maximum(self.half / self.std, 1e-3)
-        return half, x / self.std + half, x / self.std - half
-
-    def _below(self, x: Floats) -> Floats:
-        half, high, low = self._ends(x)
-        return np.asarray((self._integral(high) - self._integral(low)) / (2 * half))
+        low, high = at - half, at + half
+        to_low, to_high = stdtr(self.dof, low), stdtr(self.dof, high)
+        held = (self._integral(high, to_high) - self._integral(low, to_low)) / (2 * half)
+        return held, (to_high - to_low) / (2 * half * self.std)
 
     def _density(self, x: Floats) -> Floats:
-        half, high, low = self._ends(x)
-        stdtr = scipy.special.stdtr
-        return np.asarray((stdtr(self.dof, high) - stdtr(self.dof, low)) / (2 * half * self.std))
-
-    def _integral(self, x: Floats) -> Floats:
-        """∫ F dx = x·F + (ν + x²)/(ν − 1)·f of Student's t."""
+        """f of Student's t."""
         nu, gammaln = self.dof, scipy.special.gammaln
         log = gammaln((nu + 1) / 2) - gammaln(nu / 2) - np.log(nu * np.pi) / 2 - (nu + 1) / 2 * np.log1p(x**2 / nu)
-        return np.asarray(x * scipy.special.stdtr(nu, x) + (nu + x**2) / (nu - 1) * np.exp(log))
+        return np.asarray(np.exp(log))
+
+    def _integral(self, x: Floats, below: Floats) -> Floats:
+        """∫ F dx = x·F + (ν + x²)/(ν − 1)·f of Student's t; below: F."""
+        return np.asarray(x * below + (self.dof + x**2) / (self.dof - 1) * self._density(x))
 
 
 def factor(dof: Floats) -> Floats:
