@@ -13,6 +13,7 @@ class Figure:
     seed: int
     value: float
     met: bool
+    beside: bool = False
 
 
 @dataclass(slots=True)
@@ -33,7 +34,8 @@ class Report:
         """One row; `more` may say that something beside the figure was missed."""
         low, high = goal
         met = low <= value <= high
-        self.figures.append(Figure(what, seed + self.shift, value, met and "MISSED" not in more))
+        beside = "MISSED" in more
+        self.figures.append(Figure(what, seed + self.shift, value, met and not beside, beside))
         limits = f"{low:g}–{high:g}" if high < np.inf else f"≥ {low:g}"
         print(
             f"  {what:<58} {value:9.4f} ± {spread:.4f}   goal {limits:<10} {'met' if met else 'MISSED':<7} "
@@ -41,12 +43,15 @@ class Report:
             flush=True,
         )
 
-    def summary(self) -> None:
-        """How many met their goal, and which did not."""
+    def summary(self, left_out: tuple[str, ...]) -> None:
+        """How many met their goal, which did not, and what was not run."""
         missed = [one for one in self.figures if not one.met]
-        print(
-            f"{len(self.figures)} figures, {len(self.figures) - len(missed)} met their goal; "
-            "missed, with why in docs/uncertainty.md:"
-        )
+        print(f"\nCONCLUSION: {len(self.figures) - len(missed)} of {len(self.figures)} figures met their goal.")
+        if missed:
+            print("Not met (why: docs/uncertainty.md, How far it is true):")
         for one in missed:
-            print(f"  {one.what}, seed {one.seed}: {one.value:.4f}")
+            why = "; too many accepted at the limit" if one.beside else ""
+            print(f"  {one.what}, seed {one.seed}: {one.value:.4f}{why}")
+        if left_out:
+            print(f"Not run, so not validated by this report: {', '.join(left_out)}")
+        print("Validated by: ____________________   Date: ____________")
