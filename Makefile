@@ -62,7 +62,7 @@ bench: $(VENV)/.dev  ## every goal of speed in one table; a quarter of an hour, 
 bench-diagnosis: $(VENV)/.bench  ## how good the diagnosis is, beside other ways to choose a cause; a quarter of an hour
 	PYTHONPATH=. $(BIN)/python benchmarks/diagnosis.py --seed $(SEED)
 
-validation: $(VENV)/.dev  ## report of the uncertainties for an auditor, into validation.txt; ten minutes
+validation: $(VENV)/.dev  ## report of the uncertainties for an auditor, into validation.txt; half an hour
 	PYTHONPATH=. $(BIN)/python benchmarks/metrology.py --units 1000 > validation.txt
 	@cat validation.txt
 

@@ -81,7 +81,7 @@ def write_certificate(
         ("pdf", files.pdf, lambda: pdf(made)),
         ("xml", files.xml, lambda: _xml(found, files)),
         ("json", files.json, lambda: _json(found)),
-        ("wsjf", files.wsjf, lambda: _json(wsjf.to_wsjf(found))),
+        ("wsjf", files.wsjf, lambda: _json(wsjf.to_wsjf(stored))),
     ]
     # Made before the first is written: where one cannot be made, none is there.
     contents = [(kind, path, make()) for kind, path, make in wanted if path is not None]

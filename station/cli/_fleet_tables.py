@@ -14,7 +14,7 @@ from station.wiring.sample_files import FLEET_SCHEMA, FLEET_TABLES, FleetWriter
 def export_fleet(log: LogReader, attempts: Sequence[Attempt], folder: Path, as_json: bool) -> int:
     """Writes the tables and says how much; a day that is there is written anew. Errors: UsageError, LogError."""
     if folder.exists() and not folder.is_dir():
-        raise UsageError("export-parquet-file", path=str(folder))
+        raise UsageError("export-folder-file", path=str(folder), option="--parquet")
     head = log.head()
     writer = FleetWriter(folder, f"{head.number}:{head.hash}")
     try:

@@ -15,6 +15,7 @@ def command(
     parquet: Annotated[
         Path | None, Option(help="Folder of tables for a fleet, by product and day: attempts, coefficients, visits.")
     ] = None,
+    wsjf: Annotated[Path | None, Option(help="Folder of WATS reports (WSJF): a file an ended attempt.")] = None,
     json: AsJson = False,
     db: LogPath = None,
     config: ConfigPath = None,
@@ -42,6 +43,10 @@ def command(
 
         station export --parquet fleet --db postgresql:///plant
 
+    A WATS report of each attempt, passed or not:
+
+        station export --since 1d --wsjf wats
+
     Beside each file stands FILE.export.json with the file's SHA-256 and the head of the log it came from.
     """
     from station.cli import _export
@@ -61,11 +66,16 @@ def command(
     )
     wanted = _export.ExportFiles(samples, results, frames)
     with open_named_log(db, config) as log:
-        if parquet is not None and samples is results is frames is None:
+        folders = [option for option, given in (("--parquet", parquet), ("--wsjf", wsjf)) if given is not None]
+        if folders and not (len(folders) == 1 and samples is results is frames is None):
+            raise UsageError("export-folder-alone", option=folders[0])
+        found = _export.select_attempts(log, query, serial or [], attempt or [])
+        if parquet is not None:
             from station.cli._fleet_tables import export_fleet
 
-            return export_fleet(log, _export.select_attempts(log, query, serial or [], attempt or []), parquet, json)
-        if parquet is not None:
-            raise UsageError("export-parquet-alone")
-        found = _export.select_attempts(log, query, serial or [], attempt or [])
+            return export_fleet(log, found, parquet, json)
+        if wsjf is not None:
+            from station.cli._wsjf_reports import export_wsjf
+
+            return export_wsjf(log, found, wsjf, json)
         return _export.export(log, found, wanted, as_json=json)

@@ -80,3 +80,22 @@ def test_real_attempts_that_overlap_on_a_node_are_refused(ran: Ran) -> None:
         real = [replace(a, software=a.software.removesuffix(SIMULATED)) for a in log.attempts(Query(serial="SN0001"))]
         with pytest.raises(UsageError, match="overlap in time on node 17: export them one by one"):
             frame_export.frames(log, real)
+
+
+def test_a_wats_report_of_every_attempt_that_ended_says_how_and_why(ran: Ran, tmp_path: Path) -> None:
+    """PASS, FAIL and ABORTED; each limit a step whose status is the station's, simulated ones marked."""
+    words = ["export", "--db", str(ran.folder / "station.db"), "--wsjf"]
+    assert run_command([*words, str(tmp_path / "wats")]) == 0
+    reports = {r["id"]: r for r in (json.loads(f.read_text()) for f in (tmp_path / "wats").iterdir())}
+    lives = [*ran.lives("SN0001"), *ran.lives("SN0002")]
+    assert reports.keys() == {life["attempt"] for life in lives}
+    results = {"PASS": "P", "FAIL": "F", "ABORTED": "T"}
+    assert [reports[life["attempt"]]["result"] for life in lives] == [results[life["outcome"]] for life in lives]
+    assert {r["purpose"] for r in reports.values()} == {"SIMULATED"}
+    failed, passed, stopped = (reports[life["attempt"]] for life in lives[:3])
+    status = {step["name"]: step["status"] for step in failed["root"]["steps"]}
+    assert status["offset x"] == "F" and "offset" in failed["miscInfos"][0]["text"].lower()
+    assert {step["status"] for step in passed["root"]["steps"]} == {"P"} and "miscInfos" not in passed
+    assert stopped["root"]["steps"] == []
+    with pytest.raises(UsageError, match="is a file"):
+        run_command([*words, str(tmp_path / "wats" / f"{passed['id']}.json")])

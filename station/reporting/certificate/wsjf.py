@@ -3,30 +3,38 @@
 from collections.abc import Mapping
 from typing import Any
 
+from station.domain.records import stored_attempt
+
 _STATUS = {"PASS": "P", "FAIL": "F", "ERROR": "E", "ABORTED": "T", "INTERRUPTED": "T"}
 
 
-def to_wsjf(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """The report document."""
-    status = _STATUS.get(str(facts["outcome"]), "E")
-    decided = [_step(i + 1, d) for i, d in enumerate(facts["decisions"])]
-    performed, method = facts["performed"], facts["method"]
-    return {
+def to_wsjf(stored: Mapping[str, Any]) -> dict[str, Any]:
+    """The report document of a stored attempt that has ended, however it did."""
+    found = [stored_attempt.result(stored, name) or {} for name in ("calibration", "verification")]
+    decided = [decision for one in found for decision in one.get("decisions") or ()]
+    identity = stored_attempt.result(stored, "identity") or {}
+    reasons = (stored_attempt.result(stored, "verdict") or {}).get("reasons", ())
+    status, recipe = _STATUS.get(str(stored["outcome"]), "E"), stored["recipe_name"]
+    report: dict[str, Any] = {
         "type": "T",
-        "id": facts["log"]["attempt"],
-        "pn": str(facts["item"]["identity"].get("name") or method["recipe"]),
-        "sn": facts["item"]["serial"],
-        "rev": str(facts["item"]["identity"].get("hardware") or ""),
-        "processName": method["recipe"],
+        "id": stored["attempt"],
+        "pn": str(identity.get("name") or recipe),
+        "sn": stored["serial"],
+        "rev": str(identity.get("hardware") or ""),
+        "processName": recipe,
         "result": status,
-        "machineName": performed["station"],
-        "location": performed["nest"],
-        "purpose": "SIMULATED" if facts["simulated"] else "",
-        "startUTC": performed["began"],
-        "uut": {"user": performed["operator"], "batchSN": facts["item"]["lot"]},
-        "root": {"id": 0, "group": "M", "stepType": "SequenceCall", "name": method["recipe"], "status": status,
-                 "seqCall": {"name": method["recipe"], "version": str(method["version"])}, "steps": decided},
+        "machineName": stored["station"],
+        "location": stored["nest"],
+        "purpose": stored_attempt.mark_of(stored["software"]),
+        "startUTC": stored["started"],
+        "uut": {"user": stored["operator"], "batchSN": stored["lot"]},
+        "root": {"id": 0, "group": "M", "stepType": "SequenceCall", "name": recipe, "status": status,
+                 "seqCall": {"name": recipe, "version": str(stored["recipe_version"])},
+                 "steps": [_step(i + 1, d) for i, d in enumerate(decided)]},
     }  # fmt: skip
+    if reasons:
+        report["miscInfos"] = [{"description": "reason", "text": reason["sentence"]} for reason in reasons]
+    return report
 
 
 def _step(number: int, decision: Mapping[str, Any]) -> dict[str, Any]:
