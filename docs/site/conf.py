@@ -6,6 +6,8 @@ project = "CAN calibration station"
 version = release = station.__version__
 extensions = ["myst_parser"]
 html_theme = "furo"
+html_static_path = ["static"]
+html_css_files = ["wide.css"]
 html_title = f"{project} {release}"
 html_copy_source = False
 html_show_sphinx = False
