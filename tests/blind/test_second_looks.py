@@ -8,6 +8,7 @@ import pytest
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.search.cause_search import CauseSearch
+from station.diagnosis.search.form_check import compare_laws
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
@@ -56,3 +57,21 @@ def test_a_cause_that_another_leaves_nothing_is_dropped() -> None:
     assert [a.candidate.name for a in state.problem.accepted] == ["hysteresis"]
     assert not state.alarms
     assert set(state.evidence) - set(KERNEL_NAMES)
+
+
+@pytest.mark.parametrize("neighbours", [(3, 5, 6), (8, 9)])
+def test_visits_that_are_wrong_near_each_other_in_one_run_are_nothing_that_fades(neighbours: tuple[int, ...]) -> None:
+    """Each has an angle of its own; the first of them does not die away over the others."""
+
+    def bumped(w: World, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        turn = np.zeros((int(w.stop.max()) + 1, 3))
+        stops = np.unique(w.stop[(w.unit == 1) & np.isin(w.visit, neighbours)])
+        turn[stops] = np.random.default_rng(SEED).normal(0, 5e-3, (len(stops), 3))
+        return w.feel(nest=turn[w.stop]), np.zeros_like(w.a)
+
+    search = CauseSearch(problem_of(bumped, 70 + SEED, units=3), null_of)
+    ranks = search.ranks(search.first, [])
+    finding, state = search.accepted(search.first, ranks, ranks["disturbed-visit"])
+    assert state.problem.accepted[0].hit.sum() == len(neighbours)
+    judged = compare_laws(state.problem, 0, finding.floor).judged(finding)
+    assert judged.set_probability > 0.8, judged.doubts

@@ -5,7 +5,7 @@ mean 0, variance `spread`². The data left to the next cause are then the innova
 accepted one taken off, the weak ones shrunk. A cause of a model file has each coefficient's own mean and deviation.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +41,12 @@ class AcceptedCause:
             f"{c.name}/{c.of}/{effect}": ActiveEffect(effect, np.where(groups[:, None], self.coefficient, 0.0), c.of)
             for effect, groups in c.shapes.items()
         }
+
+    def without(self, groups: Sequence[int]) -> "AcceptedCause":
+        """The same where some groups do not act."""
+        left = self.hit.copy()
+        left[list(groups)] = False
+        return replace(self, hit=left, coefficient=np.where(left[:, None], self.coefficient, 0.0))
 
     def in_view(self, view: ResidualView) -> "AcceptedCause":
         """The same with columns from the view, whose simulation it acts in."""

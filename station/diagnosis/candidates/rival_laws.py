@@ -45,6 +45,8 @@ LAGS, THERMAL_PLAYS = (0.1, 0.3, 1.0), (0.2, 0.5)
 BRANCHES = (-1.0, 0.0, 1.0)
 #: Visits within which what began at one dies away, and beginnings of one cause that are looked at.
 FADES, MOST_STARTS = (1.5, 4.0, 10.0), 4
+#: So many times such a fade, what began has died away.
+REACH = 3.0
 #: What the name of a law begins with; its covariates follow.
 PREFIX = "law:"
 
@@ -165,28 +167,31 @@ def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator
             yield replace(law, name=f"{law.name}/{of}", of=of, pattern="shared", code=code, names=names)
 
 
-def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[list[Candidate]]:
-    """Of each of some visits that are wrong, or jumps that stay: these alone, first of all, and what begins there and
-    dies away over the visits after it."""
+def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list[int], list[Candidate]]]:
+    """Of some visits that are wrong, or jumps that stay: the groups of one run, these alone, first of all, and what
+    begins at one of them and dies away over the visits after it, beside those that it does not reach."""
     one, times = cause.candidate, view.scene.time_s
     stays = has_jump(one.effect)
     if one.pattern != "scan" or not (stays or one.scans_visits):
         return
-    begins = {g: e.at_s for e, groups in one.shapes.items() if stays for g in np.flatnonzero(groups)}  # type: ignore[attr-defined]
-    runs = view.scene.group("run")[0]
-    for group in np.flatnonzero(cause.hit)[:MOST_STARTS]:
-        first = int(np.flatnonzero(one.code == group)[0])
-        rows = one.code == group if stays else runs == runs[first]
-        since = times - begins.get(group, times[first])
-        after = rows & (since >= 0.0)
+    begins = {g: e.at_s for e, groups in one.shapes.items() if stays for g in np.flatnonzero(groups).tolist()}  # type: ignore[attr-defined]
+    runs, hits = view.scene.group("run")[0], np.flatnonzero(cause.hit).tolist()
+    first = {g: int(np.flatnonzero(one.code == g)[0]) for g in hits}
+    for group in hits[:MOST_STARTS]:
+        rows = one.code == group if stays else runs == runs[first[group]]
         gaps = np.diff(np.unique(times[rows]))
         if not len(gaps):
             continue
-        usual = float(np.median(gaps))
-        courses = [after if stays else one.code == group]
-        courses += [after * np.exp(-np.maximum(since, 0.0) / (usual * fade)) for fade in FADES]
-        laws = _at_levels(view, (("time", (_each(np.asarray(x, float)),)) for x in courses), ("common",))
-        yield [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(laws)]
+        since = times - begins.get(group, times[first[group]])
+        after, usual = rows & (since >= 0.0), float(np.median(gaps))
+        together = [group] if stays else [g for g in hits if runs[first[g]] == runs[first[group]]]
+        courses = [tuple(after if stays else one.code == g for g in together)]
+        for fade in FADES:
+            course = after * np.exp(-np.maximum(since, 0.0) / (usual * fade))
+            apart = [g for g in together if g != group and not 0.0 < since[first[g]] < REACH * usual * fade]
+            courses.append((course, *(one.code == g for g in apart)))
+        laws = _at_levels(view, (("time", tuple(_each(np.asarray(x, float)) for x in c)) for c in courses), ("common",))
+        yield together, [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(laws)]
 
 
 def _law_of(cause: Candidate, word: str, columns: StopColumns) -> Candidate:

@@ -19,6 +19,8 @@ from station.messages import Message
 UNREST = 0.1
 #: No calibration makes magnitudes this far apart, in the median over visits.
 MAGNITUDE = 0.05
+#: Single readings have their noise, too.
+MAGNITUDE_OF_ONE = 0.1
 #: The rate is another one beyond this.
 RATE = 0.05
 #: Readings whose step is so many times the sheet's are of another sensor, or of another range.
@@ -100,8 +102,9 @@ def check_magnitude(recipe: Recipe, mean: Floats, unit: Ints, found: InferredShe
     if recipe.pose_known or found.full_scale is not None or recipe.reference.source == "rate":
         return
     spreads = [s for u in np.unique(unit) if (s := _magnitude_spread(mean[unit == u])) is not None]
-    if spreads and min(spreads) > MAGNITUDE:
-        raise SamplesError("magnitude-not-constant", percent=100 * min(spreads))
+    if spreads and min(spreads) > (MAGNITUDE if found.rate_hz else MAGNITUDE_OF_ONE):
+        what = "field-not-constant" if recipe.unit == "uT" else "magnitude-not-constant"
+        raise SamplesError(what, percent=100 * min(spreads))
 
 
 def _magnitude_spread(mean: Floats) -> float | None:

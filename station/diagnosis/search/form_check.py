@@ -85,9 +85,9 @@ def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[Riva
     """What dies away over several visits in place of single ones that are wrong, or of jumps that stay: of all of them
     in one run together, as a jump and one back are a part of it each."""
     begun = [list(fading_laws(cause, problem.view)) for cause in problem.accepted]
-    for alone, *courses in begun[i]:
+    for groups, (alone, *courses) in begun[i]:
         near = {
-            j: [laws for laws in found if _in_one_run(laws[0], alone, problem.view)]
+            j: [laws for _, laws in found if _in_one_run(laws[0], alone, problem.view)]
             for j, found in enumerate(begun)
             if j != i
         }
@@ -95,7 +95,7 @@ def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[Riva
         courses += [replace(law, name=f"{law.name}/{k}") for k, laws in enumerate(every) for law in laws[1:]]
         bare = problem
         for j in sorted((i, *(j for j, some in near.items() if some)), reverse=True):
-            bare = bare.without(j)
+            bare = bare.without(j, groups if j == i else None)
         stop = np.concatenate([alone.stop, *(laws[0].stop for laws in every)], axis=2)
         ranks = _ranked(bare, [replace(alone, columns=StopColumns.of(stop))], courses, floor)
         if alone.name in ranks:

@@ -109,13 +109,17 @@ class ScoringProblem:
         known, places = nuisance_of(self.view, tuple(items), self.matrix)
         return replace(self, accepted=tuple(items), places=places, setting=replace(self.setting, known=known))
 
-    def without(self, i: int) -> "ScoringProblem":
-        """The same with one accepted cause neither known nor at work: its whole signal is in the readings."""
+    def without(self, i: int, groups: Sequence[int] | None = None) -> "ScoringProblem":
+        """The same with one accepted cause, or some groups of it, neither known nor at work: the whole signal of these
+        is in the readings."""
         gone = self.accepted[i].active_effects()
         active = {key: acting for key, acting in self.view.active.items() if key not in gone}
+        left = [] if groups is None else [item for item in (self.accepted[i].without(groups),) if item.hit.any()]
+        for item in left:
+            active |= item.active_effects()
         view = replace(self.view, active=active)
         bare = replace(self, view=view, setting=replace(self.setting, data=view.readings()))
-        return bare.with_accepted([*self.accepted[:i], *self.accepted[i + 1 :]])
+        return bare.with_accepted([*self.accepted[:i], *left, *self.accepted[i + 1 :]])
 
 
 class Scores(NamedTuple):
