@@ -108,7 +108,7 @@ class ObjectClient:
                 raise DeviceSilent("object-keeps-pending", count=self._pleas, waited_s=waited_s, **where)
             silence = Message(f"sdo-{access}-timed-out", timeout_s=wait_s, **where)
             count = self._dropped - dropped
-            raise DeviceSilent(Message("sdo-foreign-answers", silence=silence, count=count) if count else silence)
+            raise DeviceSilent(Message("answers-not-fitting", silence=silence, count=count) if count else silence)
         self._consecutive_repeats = self._consecutive_repeats + 1 if self._repeated else 0
         self._repeated = False
         self._refuse_second_device()
