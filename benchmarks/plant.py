@@ -159,6 +159,11 @@ def ask(server: Server, folder: Path, attempts: int) -> None:
         _figure(
             "serial, its whole life, p99, ms", [_p99(lambda s: log.life(Query(serial=s)), serials)], 20, at_least=False
         )
+        busy = time.process_time() + _server_seconds(server)
+        for serial in serials:
+            log.life(Query(serial=serial))
+        busy = time.process_time() + _server_seconds(server) - busy
+        print(f"  processor of such a question, PostgreSQL's too: {busy / len(serials) * 1e3:.1f} ms")
         lots = [Query(lot=f"L{n}", nest="B") for n in range(1, 6)]
         lot = [_timed(partial(log.attempts, query)) for query in lots]
         found = len(log.attempts(Query(lot="L1", nest="B")))

@@ -37,8 +37,8 @@ class ShiftDetector:
 
     Each statistic is the sum over beginnings of the likelihood ratio since then. A change of measure to these
     beginnings therefore gives the mean number of shares to an alarm at h: h / Σ w ζ, with ζ the mean of h over the
-    evidence at an alarm that the shift itself raises (1 if nothing overshot). Σ w ζ is 0.6 at every h from 2,000 on,
-    whatever the values are: their ranks are uniform. So an alarm comes once in 1.6 h shares.
+    evidence at an alarm that the shift itself raises (1 if nothing overshot). Σ w ζ is 0.6 at every h, at most 0.67
+    below 100, whatever the values are: their ranks are uniform. So an alarm comes once in 1.6 h shares.
 
     From any state it comes no later than from none, for the evidence grows with itself: within n shares at most n/h
     alarms are expected (Barlow and Proschan 1975, chapter 6: renewals new better than used).
