@@ -75,3 +75,17 @@ def test_many_at_once_have_the_bits_of_each_alone(rng: np.random.Generator) -> N
     together = ErrorDistribution(parts[0], 1 + 20 * parts[1], parts[2] * parts[0], parts[3] * parts[0])
     alone = [together.take(np.array([i])).expanded()[0] for i in range(200)]
     assert together.expanded().tolist() == alone
+
+
+def test_what_is_left_beside_a_large_shift_keeps_its_degrees_of_freedom() -> None:
+    """Six of a rest that is a thousandth of u: the whole has 1e12 and more, which must not be cut off before."""
+    total, rest = np.array([1.0 + (coverage.SHIFT_STD * 1e3) ** 2]), np.array([1.0])
+    dof = coverage.effective_dof(total, [(rest, np.array([6.0]))])
+    found = ErrorDistribution(np.sqrt(total), dof, np.zeros(1), np.array([1e3]))
+    assert found.quantile(0.99) == pytest.approx([1e3 + special.stdtrit(6, 0.99)], rel=1e-6)
+    assert found.tail(np.array([1e3 + 20])) == pytest.approx([special.stdtr(6, -20) / 2], rel=1e-3)
+
+
+def test_what_is_known_stays_known() -> None:
+    assert coverage.effective_dof(np.ones(1), []) == [coverage.KNOWN]
+    assert coverage.factor(np.array([coverage.KNOWN])) == pytest.approx([coverage.NORMAL], rel=1e-5)

@@ -18,6 +18,8 @@ from station.domain.core.types import Floats
 PROBABILITY = 0.95
 #: More degrees of freedom than this change no digit.
 MANY = 1e6
+#: Effective degrees of freedom of what is known; of a small part of an error that has many, few may be left.
+KNOWN = 1e18
 #: The same quantile of the normal distribution, Φ⁻¹(0.975); a number, since scipy takes a quarter of a second to load.
 NORMAL = 1.959963984540054
 #: A rectangle of no more than this share of u changes k by less than 1e-5 of it, a shift of no more than that one by
@@ -165,4 +167,4 @@ def effective_dof(total: Floats, parts: list[tuple[Floats, Floats]]) -> Floats:
     """Welch–Satterthwaite (JCGM 100, eq. G.2b) of a variance (…) whose parts, variance and degrees of freedom (…)
     each, are estimates; what is not among the parts is known."""
     spread = sum((part**2 / np.maximum(dof, 1e-3) for part, dof in parts), np.zeros_like(total))
-    return np.asarray(np.minimum(total**2 / np.maximum(spread, 1e-300), MANY))
+    return np.asarray(np.minimum(total**2 / np.maximum(spread, 1e-300), KNOWN))

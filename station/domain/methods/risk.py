@@ -85,7 +85,7 @@ class Measured:
         own = np.sqrt(np.maximum(error.std**2 - prior.shared**2, 0.0))
         share = 1 / (1 + (np.maximum(own, 1e-300) / prior.std) ** 2)
         mean = share * self.deviation + (1 - share) * prior.mean
-        dof = np.clip(error.dof, 1.0, coverage.MANY)
+        dof = np.maximum(error.dof, 1.0)
         if again:
             std = np.sqrt((1 + share) * own**2)
             return mean, coverage.ErrorDistribution.plain(np.maximum(std, 1e-300), dof)
