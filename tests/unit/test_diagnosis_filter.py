@@ -40,7 +40,7 @@ def _written_out(
     return parts.reshape(3, len(run) * k, len(run) * k)
 
 
-@pytest.mark.parametrize(("visits", "k"), [(5, 3), (32, 3), (33, 3), (75, 3), (150, 1)])
+@pytest.mark.parametrize(("visits", "k"), [(5, 3), (20, 3), (32, 3), (33, 3), (75, 3), (150, 1)])
 @pytest.mark.parametrize("variances", [(2.0, 0.0, 0.0), (1.0, 0.7, 0.0), (1.0, 0.7, 0.2), (0.3, 0.0, 4.0)])
 def test_a_run_is_whitened_as_its_covariance_says(
     visits: int, k: int, variances: tuple[float, ...], rng: np.random.Generator

@@ -139,7 +139,7 @@ def test_a_space_made_some_units_at_a_time_scores_as_the_whole_does(
     floor, bank = problem.fit().floor, build_banks(problem.view)[moving]
     (whole,) = project_bank(bank, problem.view.layout, [problem.space(floor, moving=moving)])
     monkeypatch.setattr(projected_bank, "UNITS_AT_ONCE", 2)
-    monkeypatch.setattr(scoring, "UNITS_AT_ONCE", 2)
+    monkeypatch.setattr(scoring, "FEW_UNITS", 2)
     parted = problem.setting.scored_space(floor, moving=moving)
     assert isinstance(parted, PartedSpace)
     (found,) = project_bank(bank, problem.view.layout, [parted])

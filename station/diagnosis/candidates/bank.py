@@ -32,8 +32,8 @@ AMPLITUDE_LIMIT_FACTOR = 20.0
 MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
 MAX_REFINED_JUMP_TIMES = 12
-#: Units whose columns are in memory at once.
-UNITS_AT_ONCE = 8
+#: Units whose columns are in memory at once; and units that are so few that the columns of all are held.
+UNITS_AT_ONCE, FEW_UNITS = 4, 8
 #: Over a smaller range of temperature than this, degC, a curve is a straight line.
 MIN_BENT_RANGE_DEGC = 8.0
 #: Levels whose groups belong to one unit each.
@@ -369,7 +369,7 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
     levels = {(c.of, id(c.code)): c for c in chosen}
     local = {level: c.local_codes(layout) for level, c in levels.items()}
     bank = _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
-    if not bank.made or layout.grid.units > UNITS_AT_ONCE:
+    if not bank.made or layout.grid.units > FEW_UNITS:
         return bank
     # Few units are looked at under many floors: their rows are the same under each.
     return replace(bank, all_columns=bank.rows(layout, slice(0, layout.grid.units)))

@@ -40,11 +40,11 @@ class EigenProducts(NamedTuple):
 
 
 class CandidateFit(NamedTuple):
-    """What a space shows of one candidate: u (1, …) and L (ρ) of the readings, the latter not of a scan; the log
+    """What a space shows of one candidate: L (ρ) of the readings, or u (1, …) of a scan, which has many groups; the log
     evidence; and ZE (U, M, K) in single precision, or a scan's visits, where asked for."""
 
     spectrum: EigenSpectrum
-    components: Floats
+    components: Floats | None
     known_likelihood: Floats | None
     evidence: float
     axes: Array | VisitColumns | None
@@ -79,6 +79,7 @@ class ProjectedBank:
         """L of one of the candidates: (ρ), of a scan (U, G, ρ), those of many groups, which are not kept."""
         if found.known_likelihood is not None:
             return found.known_likelihood
+        assert found.components is not None
         return np.asarray(found.spectrum.likelihoods(found.components, self.readings)[0])
 
 
@@ -256,8 +257,8 @@ def _candidate_fits(
     retained = can if drawn is not None else can.of_readings()
     for i, which in enumerate(kind.which):
         axes = None if drawn is None or E is None else drawn.axes(bank, which, E[i] * visible[i][..., None, :])
-        known = None if scan else likelihood[i, 0]
-        yield CandidateFit(retained.of(i), u[i], known, float(evidence[i]), axes)
+        of_groups, known = (u[i], None) if scan else (None, likelihood[i, 0])
+        yield CandidateFit(retained.of(i), of_groups, known, float(evidence[i]), axes)
 
 
 def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, size: SpaceSize) -> NDArray[np.bool_]:

@@ -92,6 +92,10 @@ class FloorStructure:
         by_visit, i = V.reshape(C, B, v, k, v, k), np.arange(v)
         by_visit[:, :, i, :, i, :] += np.moveaxis(turn * self.turn @ self.turn.swapaxes(-1, -2), 2, 0)
         W = self.walk.reshape(C, B, s, 3)
+        if walk == 0.0:
+            L = np.linalg.cholesky(V)
+            inverse, nothing = np.linalg.inv(L), np.zeros((C, B, 3, s))
+            return self._covariance(inverse, inverse @ W, nothing, 2 * np.log(np.einsum("cbii->cbi", L)).sum((1, 2)))
         since = walk * np.repeat(self.taken, k, axis=2)[..., None] * W
         inverse, observed, gain, logdet = np.empty_like(V), np.empty_like(W), np.empty((C, B, 3, s)), np.zeros(C)
         P = np.zeros((C, 3, 3))
@@ -103,8 +107,12 @@ class FloorStructure:
             gain[:, b] = (P @ W[:, b].swapaxes(-1, -2) + since[:, b].swapaxes(-1, -2)) @ inverse[:, b].swapaxes(-1, -2)
             P = P + walk * self.taken[:, b, -1, None, None] * np.eye(3) - gain[:, b] @ gain[:, b].swapaxes(-1, -2)
             logdet += 2 * np.log(np.einsum("cii->ci", L)).sum(1)
+        return self._covariance(inverse, observed, gain, logdet)
+
+    def _covariance(self, inverse: Floats, observed: Floats, gain: Floats, logdet: Floats) -> FloorCovariance:
+        """The floor from the filter of each kind of run and its log-determinant (classes)."""
         live = self.pad[self.member].reshape(len(self.member), -1) == 0
-        runs = RunFilter(inverse, observed, gain, self.member, self.pad.shape[1], walk > 0.0)
+        runs = RunFilter(inverse, observed, gain, self.member, self.pad.shape[1], bool(gain.any()))
         return FloorCovariance(runs, live, float(logdet[self.member].sum()))
 
     def traces(self, runs: RunFilter) -> Floats:

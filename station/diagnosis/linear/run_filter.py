@@ -15,6 +15,8 @@ from station.domain.core.types import Array, Floats
 #: Rows of a block at most, 24 visits of three: so many that matrices are worth it, so few that their cubes are not
 #: felt.
 MAX_BLOCK_ROWS = 72
+#: Rows of a triangular matrix that are multiplied together.
+BAND_ROWS = 36
 
 
 def block_visits(visits: int, k: int) -> tuple[int, int]:
@@ -29,6 +31,15 @@ def split_blocks(values: Array, blocks: int, size: int, axis: int) -> Array:
     if missing:
         values = np.pad(values, [(0, missing if i == axis else 0) for i in range(values.ndim)])
     return np.asarray(values.reshape(*values.shape[:axis], blocks, size, *values.shape[axis + 1 :]))
+
+
+def _lower_triangular_product(lower: Array, rows: Array, out: Array) -> Array:
+    """Lower triangular matrices (…, m, m) times rows (…, m, c), a band at a time: what is zero is not multiplied."""
+    m = rows.shape[-2]
+    for first in range(0, m, BAND_ROWS):
+        last = min(first + BAND_ROWS, m)
+        np.matmul(lower[..., first:last, :last], rows[..., :last, :], out=out[..., first:last, :])
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +75,7 @@ class RunFilter:
         if self.inverse.shape[1] == 1:
             # Runs of one kind need no copy each of what they share.
             inverse = self.inverse[0] if len(self.inverse) == 1 else self.inverse[self.member, 0]
-            return np.asarray(np.matmul(inverse, rows, out=out))
+            return _lower_triangular_product(inverse, rows, np.empty(rows.shape, rows.dtype) if out is None else out)
         white = self.inverse[self.member] @ self._split(rows)
         if not self.walks:
             return self._joined(white, out)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import UNITS_AT_ONCE, Bank, Candidate
+from station.diagnosis.candidates.bank import FEW_UNITS, Bank, Candidate
 from station.diagnosis.candidates.nuisance import AcceptedCause, CoefficientIndex, accept_candidate, nuisance_of
 from station.diagnosis.candidates.projected_bank import CandidateFit, ProjectedBank, project_bank
 from station.diagnosis.data.residuals import ResidualView
@@ -43,8 +43,8 @@ class ScoringSetting:
         return residual_space(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
 
     def scored_space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace | PartedSpace:
-        """The same to score a bank in; of more units than are gone through at once not held, where it need not be."""
-        if self.layout.grid.units <= UNITS_AT_ONCE or self.known.shared.stop.shape[-1]:
+        """The same to score a bank in; of more than few units not held, where it need not be."""
+        if self.layout.grid.units <= FEW_UNITS or self.known.shared.stop.shape[-1]:
             return self.space(at, moving=moving)
         return PartedSpace(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
 
