@@ -50,6 +50,7 @@ def test_a_scan_finds_what_its_columns_find(k: int, rng: np.random.Generator, mo
     assert np.allclose(short.evidence, whole.evidence, rtol=1e-9)
     a, b = short.found[0], whole.found[0]
     assert np.allclose(a.spectrum.m, b.spectrum.m, rtol=1e-8, atol=1e-10)
+    assert a.components is not None and b.components is not None
     assert np.allclose(np.abs(a.components), np.abs(b.components), rtol=1e-6, atol=1e-9)
 
 

@@ -93,9 +93,11 @@ class FloorStructure:
         by_visit[:, :, i, :, i, :] += np.moveaxis(turn * self.turn @ self.turn.swapaxes(-1, -2), 2, 0)
         W = self.walk.reshape(C, B, s, 3)
         if walk == 0.0:
-            L = np.linalg.cholesky(V)
-            inverse, nothing = np.linalg.inv(L), np.zeros((C, B, 3, s))
-            return self._covariance(inverse, inverse @ W, nothing, 2 * np.log(np.einsum("cbii->cbi", L)).sum((1, 2)))
+            root = np.linalg.cholesky(V)
+            inverse, logs = np.asarray(np.linalg.inv(root), float), np.log(np.einsum("cbii->cbi", root))
+            return self._covariance(
+                inverse, inverse @ W, np.zeros((C, B, 3, s)), np.asarray(2 * logs.sum((1, 2)), float)
+            )
         since = walk * np.repeat(self.taken, k, axis=2)[..., None] * W
         inverse, observed, gain, logdet = np.empty_like(V), np.empty_like(W), np.empty((C, B, 3, s)), np.zeros(C)
         P = np.zeros((C, 3, 3))
