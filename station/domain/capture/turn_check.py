@@ -12,6 +12,8 @@ from station.messages import Message
 
 #: How far gains not yet calibrated may make a change of the readings differ from the one that was asked for.
 GAIN_SHARE = 0.3
+#: What a calibration may leave of that.
+LEFT_SHARE = 0.1
 #: And how far anything may: as a share of the stimulus; of angles, degrees.
 NEAR_SHARE, NEAR_DEG = 0.2, 3.0
 #: An axis within so many degrees of up is up, as a person says it.
@@ -31,8 +33,8 @@ def shows(mean: Floats, true: Floats, before: tuple[Floats, Floats] | None, reci
 
 
 def shows_calibrated(mean: Floats, true: Floats, recipe: Recipe) -> bool:
-    """The same of a reading (3) that is corrected: only the position can make a difference."""
-    return _apart(mean, true, recipe) <= _near(true, recipe)
+    """The same of a reading (3) that is corrected; a device that keeps a zero alone still has its gain's error."""
+    return _apart(mean, true, recipe) <= _near(true, recipe) + LEFT_SHARE * float(np.linalg.norm(true))
 
 
 def instruction(position: str, true: Floats, recipe: Recipe) -> Message:
