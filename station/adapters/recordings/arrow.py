@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from station.adapters.recordings import cells
-from station.adapters.recordings.limits import check_names, check_shape, check_unfolded
+from station.adapters.recordings.limits import check_column_names, check_shape, check_unfolded
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
@@ -26,7 +26,7 @@ def read_parquet(path: Path) -> list[RawTable]:
         with parquet.ParquetFile(str(path)) as file:
             shape = file.metadata.num_rows, file.metadata.num_columns
             check_shape(str(path), *shape)
-            check_names(str(path), file.schema_arrow.names)
+            check_column_names(str(path), file.schema_arrow.names)
             groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
             unfolded = max(sum(group.total_byte_size for group in groups), 8 * shape[0] * shape[1])
             check_unfolded(str(path), path.stat().st_size, unfolded)

@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 
-from station.adapters.recordings.limits import check_names
+from station.adapters.recordings.limits import check_column_names
 from station.errors import SamplesError
 
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$|^0x[0-9a-f]{1,8}$", re.IGNORECASE)
@@ -175,7 +175,7 @@ def _header(
     heads = [cells for cells in rows if len(cells) == columns and not any(is_number(c) for c in cells)]
     if not heads:
         return None, ("",) * columns
-    check_names(file, (name for cells in heads for name in cells))
+    check_column_names(file, (name for cells in heads for name in cells))
     names, more = heads[0], heads[1] if len(heads) == 2 else []
     if more and not _are_units(more):
         names, more = more, []

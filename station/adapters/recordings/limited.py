@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from station.adapters.recordings import arrays, arrow, matlab, mf4_signals
-from station.adapters.recordings.limits import check_names, check_unfolded
+from station.adapters.recordings.limits import check_column_names, check_unfolded
 from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
@@ -41,7 +41,7 @@ def _blocks(path: Path, kind: str) -> Iterator[Block]:
     unfolded = sum(_numbers(column).nbytes for table in tables for column in table.columns)
     check_unfolded(str(path), path.stat().st_size, unfolded)
     for table in tables:
-        check_names(str(path), (column.name for column in table.columns))
+        check_column_names(str(path), (column.name for column in table.columns))
         columns = [_head(column) for column in table.columns]
         yield _TABLE, json.dumps({"rate_hz": table.rate_hz, "columns": columns}).encode()
         for column in table.columns:

@@ -14,7 +14,7 @@ MOST_LINE, MOST_NAME = 200_000, 200
 MOST_UNFOLDING, LEAST_UNFOLDED = 20, 128_000_000
 
 
-def check_names(file: str, names: Iterable[str]) -> None:
+def check_column_names(file: str, names: Iterable[str]) -> None:
     """Errors: SamplesError where the name of a column is longer than any that a person or logger gives."""
     for number, name in enumerate(names, 1):
         if len(name) > MOST_NAME:

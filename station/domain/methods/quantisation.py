@@ -63,8 +63,8 @@ def _of_unit(lsb: float, problem: FitProblem, fit: Fit, u: int, alone: Floats) -
         code = np.round(problem.mean[u, :, i] / step)
         for own in (np.flatnonzero(code == c) for c in np.unique(code)):
             apart, shared = (each[:, own] ** 2).sum(axis=1), each[:, own].sum(axis=1) ** 2
-            alike = correlation(_spread(problem, fit, u, i, own, cross) / step) if len(own) > 1 else 0.0
-            weight = (BY_CHANCE + (1 - BY_CHANCE) * alike) * (shared > apart)
+            shared_rounding = correlation(_spread(problem, fit, u, i, own, cross) / step) if len(own) > 1 else 0.0
+            weight = (BY_CHANCE + (1 - BY_CHANCE) * shared_rounding) * (shared > apart)
             total += apart + weight * (shared - apart)
             if undithered:
                 fourth += 9 * ((1 - weight) * (each[:, own] ** 4).sum(axis=1) + weight * shared**2)

@@ -9,7 +9,7 @@ from station.domain.recognition import axis_names
 from station.domain.recognition.raw_table import RawColumn, RawTable
 
 #: Signals of one sensor come equally often, to within this share.
-ALIKE = 0.1
+COUNT_SPREAD = 0.1
 
 
 def joined(tables: Sequence[RawTable]) -> RawTable | None:
@@ -32,7 +32,7 @@ def joined(tables: Sequence[RawTable]) -> RawTable | None:
 def _apart(own: Sequence[int], tables: Sequence[RawTable]) -> bool:
     """Whether axes lie in different tables of one length, about."""
     counts = [len(tables[t]) for t in own]
-    return len(set(own)) > 1 and max(counts) - min(counts) <= ALIKE * max(counts)
+    return len(set(own)) > 1 and max(counts) - min(counts) <= COUNT_SPREAD * max(counts)
 
 
 def _nearest(stamps: Floats, table: RawTable, place: int) -> RawColumn:

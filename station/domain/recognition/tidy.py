@@ -10,9 +10,9 @@ from station.domain.recognition import axis_names
 from station.domain.recognition.raw_table import RawColumn, RawTable
 
 #: Names of sensors and axes, at most; an axis is read at least so often, and as often as another to within this share.
-MOST_NAMES, LEAST, ALIKE = 48, 8, 0.01
+MOST_NAMES, LEAST, COUNT_SPREAD = 48, 8, 0.01
 #: Columns of numbers beside the readings: a stamp, a counter, a temperature.
-MOST_BESIDE = 3
+MOST_OTHERS = 3
 
 
 def of_rows_by_axis(table: RawTable) -> RawTable:
@@ -23,17 +23,17 @@ def of_rows_by_axis(table: RawTable) -> RawTable:
     """
     axis = next((i for i, c in enumerate(table.columns) if c.text is not None and _names_axes(c.text)), None)
     numbers = table.numeric()
-    if axis is None or not 1 <= len(numbers) <= MOST_BESIDE + 1 or _has_axes(table, numbers):
+    if axis is None or not 1 <= len(numbers) <= MOST_OTHERS + 1 or _has_axes(table, numbers):
         return table
-    value, beside = table.columns[numbers[-1]], [table.columns[i] for i in numbers[:-1]]
+    value, others = table.columns[numbers[-1]], [table.columns[i] for i in numbers[:-1]]
     names = _full_names(table.columns, axis)
     rows = {name: np.flatnonzero(names.code == code) for code, name in enumerate(names.names)}
-    if not _alike([len(r) for r in rows.values()]):
+    if not _equally_often([len(r) for r in rows.values()]):
         return table
     count = min(map(len, rows.values()))
     first = next(iter(rows.values()))[:count]
     readings = _floats(value)
-    columns = [c[first] for c in beside]
+    columns = [c[first] for c in others]
     columns += [RawColumn(name, readings[r[:count]], None, value.unit) for name, r in rows.items()]
     return replace(table, columns=tuple(columns))
 
@@ -59,8 +59,8 @@ def _full_names(columns: Sequence[RawColumn], axis: int) -> Labels:
     return Labels.of([" ".join(str(p) for p in row) for row in zip(*parts, strict=True)])
 
 
-def _alike(counts: Sequence[int]) -> bool:
-    return min(counts) >= LEAST and max(counts) - min(counts) <= max(1, ALIKE * max(counts))
+def _equally_often(counts: Sequence[int]) -> bool:
+    return min(counts) >= LEAST and max(counts) - min(counts) <= max(1, COUNT_SPREAD * max(counts))
 
 
 def _floats(column: RawColumn) -> Floats:
