@@ -4,9 +4,17 @@ import math
 
 import pytest
 
+from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
+from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding, depends_on
-from station.diagnosis.search.form_check import RivalLaws
+from station.diagnosis.search.form_check import RivalLaws, compare_laws
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
+from station.diagnosis.search.scoring import score_bank
+from station.model.model_file import Model
+from tests.blind.bench import hide
+from tests.blind.outside import OUTSIDE
+from tests.blind.recipes import recipe
 
 #: From here on a reader takes a name for certain.
 CERTAIN = 0.9
@@ -65,3 +73,17 @@ def test_a_name_that_a_kernel_outdoes_says_on_what_the_kernel_depends() -> None:
 def test_kernels_that_explain_nothing_say_nothing() -> None:
     assert depends_on({"time": -0.3, "input": -0.5}) == ()
     assert depends_on({"time": 9.0, "input": 7.0, "order": -0.5}) == ("time", "input")
+
+
+def test_a_course_of_the_dwell_that_warms_in_each_unit_is_no_cause_of_the_nests() -> None:
+    """Nests share what only resembles it, units do not."""
+    table, _ = hide(recipe(), OUTSIDE["course of the dwell by temperature"][1], 31, d=11.0)
+    bare = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    (effect,) = (e for e in cause_library(recipe()) if e.id == "lever-arm")
+    shapes = [c for c in candidates(effect, bare.view) if c.of == "nest"]
+    now = score_bank(bare, [build_bank(shapes, bare.view.layout, moving=True)], bare.fit().floor)
+    best = now.candidates[int(now.readings().evidence[0].argmax())]
+    known = refined(bare.with_accepted([now.accept(best, bare.view)]))
+    laws = compare_laws(known, 0, known.fit().floor)
+    assert laws.is_ahead
+    assert set(laws.words) == {"dwell-phase", "temperature"}

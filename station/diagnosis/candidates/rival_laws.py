@@ -139,7 +139,8 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
         size = np.linalg.norm(_steps(view), axis=1)
         for name, x in {**curves, "order": size}.items():
             changed = StopColumns.of(stop * x[:, None, None], dwell * x[:, None, None, None])
-            yield _law_of(cause, f"dwell-phase*{name}", changed)
+            law = _law_of(cause, f"dwell-phase*{name}", changed)
+            yield from _of_each(law, view)
     elif cause.effect is not None and cause.pattern != "scan":
         word = acts_by(cause.effect)
         # What follows the temperature and changes with it is a cause of the library of another degree.
@@ -151,6 +152,14 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
             yield _law_of(cause, both, StopColumns.of(also))
             yield _law_of(cause, both, StopColumns.of(np.concatenate([stop, also], axis=2)))
         yield from _of_groups(cause, cause.effect, view)
+
+
+def _of_each(law: Candidate, view: ResidualView) -> Iterator[Candidate]:
+    """A law as it is shared, and of each unit on its own where it is not."""
+    yield law
+    if law.of not in PER_UNIT_LEVELS and view.grid.units > 1:
+        code, names = view.scene.group("unit")
+        yield replace(law, name=f"{law.name}/unit", of="unit", pattern="own", code=code, names=names)
 
 
 def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator[Candidate]:
