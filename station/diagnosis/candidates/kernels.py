@@ -255,17 +255,18 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
     a = resting_stimulus(view.scene, view.active)
     for one in FACTORS:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
-            # What each axis takes of any, or of any two, changing with a covariate.
-            for forms in (a, _products_of_axes(a)):
-                columns = StopColumns.of(_each_axis(forms) * factor[one][:, :, :1])
+            # What each axis takes of any, of the product of the two others, or of its own with them.
+            for forms in (_each_axis(a), *_products_of_axes(a)):
+                columns = StopColumns.of(forms * factor[one][:, :, :1])
                 for of in _levels(view, "unit", "common"):
                     yield _kernel(name, of, view, columns)
 
 
-def _products_of_axes(a: Floats) -> Floats:
-    """Every product (v, 6) of two components of the true vector, as a share of the largest."""
+def _products_of_axes(a: Floats) -> tuple[Floats, Floats]:
+    """On each axis the product of the two others (v, 3, 3), and its own with each of them (v, 3, 6)."""
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    return np.stack([a[:, i] * a[:, j] for i, j in combinations_with_replacement(range(3), 2)], axis=1)
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
+    return _diagonal(one * two), np.concatenate([_diagonal(a * one), _diagonal(a * two)], axis=2)
 
 
 def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:

@@ -37,6 +37,8 @@ MAX_SWITCHES = 6
 MAX_LEVELS = 24
 #: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
 KNEES = (0.2, 0.35, 0.5, 0.7)
+#: Half waves from no input to the whole, in steps that none falls between.
+HALF_WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
 #: A step from the stop before that is taken up by play, as a share of the stimulus.
 PLAY = 0.3
 #: Lags behind the temperature, as shares of a run's duration, and plays in it, as shares of a run's range.
@@ -337,8 +339,8 @@ def _forms_of_input(a: Floats) -> Iterator[Law]:
         yield "input", (np.sign(a) * np.minimum(size, knee),)
         yield "input", (np.maximum(size - knee, 0.0),)
         yield from (("input", (np.maximum(sign * a - knee, 0.0),)) for sign in (1, -1))
-    yield from (("input", (np.sin(m * np.pi * a),)) for m in (1, 2, 3, 4))
-    yield from (("input", (np.cos(m * np.pi * a),)) for m in (1, 2, 3))
+    yield from (("input", (np.sin(m * np.pi * a),)) for m in HALF_WAVES)
+    yield from (("input", (np.cos(m * np.pi * a),)) for m in HALF_WAVES)
     yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
 
 
