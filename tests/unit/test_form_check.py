@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
+from station.diagnosis.candidates.kernels import INPUT_WAVES
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding, depends_on
@@ -87,3 +89,19 @@ def test_a_course_of_the_dwell_that_warms_in_each_unit_is_no_cause_of_the_nests(
     laws = compare_laws(known, 0, known.fit().floor)
     assert laws.is_ahead
     assert set(laws.words) == {"dwell-phase", "temperature"}
+
+
+@pytest.mark.parametrize("waves", np.linspace(1.3, 5.2, 14))
+def test_a_wave_of_the_input_falls_between_no_two_kernels(waves: float) -> None:
+    """Whatever its phase, one pair of cosine and sine follows more than half of it at 24 tilts by any angles."""
+    rng = np.random.default_rng(5)
+    a = np.cos(rng.uniform(0, np.pi, 24))
+    for phase in (0.0, 0.8, 1.6, 2.4):
+        hidden = np.sin(waves * np.pi * a + phase)
+        known = np.stack([np.ones_like(a), a], axis=1)
+        rest = hidden - known @ np.linalg.lstsq(known, hidden, rcond=None)[0]
+        left = []
+        for m in INPUT_WAVES:
+            columns = np.column_stack([known, np.sin(m * np.pi * a), np.cos(m * np.pi * a)])
+            left.append(np.sum((hidden - columns @ np.linalg.lstsq(columns, hidden, rcond=None)[0]) ** 2))
+        assert min(left) < 0.5 * np.sum(rest**2)

@@ -42,6 +42,8 @@ MOVING_KERNEL = "dwell-phase"
 LAG, PLAY = 0.3, 0.4
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
+#: Whole waves of what an axis feels from one end to the other, in steps that none falls between.
+INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
 #: Whole waves in a run, in steps that none falls between.
 SWINGS = (1.0, 1.7, 2.5)
 
@@ -175,13 +177,16 @@ def _steps(view: ResidualView, a: Floats) -> Floats:
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
-    """Every product of two or three components of the true vector on every axis."""
+    """Every product of two or three components of the true vector on every axis, or some waves of its own."""
     a = resting_stimulus(view.scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
-    columns = StopColumns.of(_each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1)))
-    for of in _levels(view, "unit", "common"):
-        yield _kernel("input", of, view, columns)
+    products = _each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
+    waves = [[_diagonal(f(m * np.pi * a)) for f in (np.sin, np.cos)] for m in INPUT_WAVES]
+    for columns in (products, *(np.concatenate(wave, axis=2) for wave in waves)):
+        packed = StopColumns.of(columns)
+        for of in _levels(view, "unit", "common"):
+            yield _kernel("input", of, view, packed)
 
 
 def _phase(view: ResidualView) -> Iterator[Candidate]:
