@@ -10,7 +10,7 @@ from psycopg.rows import dict_row
 
 from station.adapters.postgres import search
 from station.domain.records.stored_attempt import is_simulated, utc
-from station.domain.records.tables import TIME_AND_DETAIL
+from station.domain.records.tables import TIME_AND_DETAIL, YIELD_GROUPS
 from station.errors import UsageError
 from station.ports.log_reader import (
     YIELD_CELL,
@@ -104,12 +104,7 @@ def changed_days(db: psycopg.Connection, after: int) -> frozenset[int]:
 
 #: What a yield may be grouped by, as SQL.
 GROUPS = {
-    "all": "''",
-    "station": "a.station",
-    "nest": "a.station || '/' || a.nest",
-    "recipe": "a.recipe_name || '/' || a.recipe_version",
-    "lot": "a.lot",
-    "operator": "a.operator",
+    **YIELD_GROUPS,
     "day": "to_char(to_timestamp(a.started_ns / 1000000000) AT TIME ZONE 'UTC', 'YYYY-MM-DD')",
 }
 GROUPS["cell"] = f" || '{YIELD_SEPARATOR}' || ".join(GROUPS[name] for name in YIELD_CELL)

@@ -3,17 +3,13 @@
 import sqlite3
 
 from station.adapters.store.search import where
+from station.domain.records.tables import YIELD_GROUPS
 from station.errors import UsageError
 from station.ports.log_reader import YIELD_CELL, YIELD_SEPARATOR, Query, Yield
 
 #: What a yield may be grouped by, as SQL.
 GROUPS = {
-    "all": "''",
-    "station": "a.station",
-    "nest": "a.station || '/' || a.nest",
-    "recipe": "a.recipe_name || '/' || a.recipe_version",
-    "lot": "a.lot",
-    "operator": "a.operator",
+    **YIELD_GROUPS,
     "day": "date(a.started_ns / 1000000000, 'unixepoch')",
 }
 #: Several groupings in one walk through the log: their names, parted by YIELD_SEPARATOR, in the order of YIELD_CELL.

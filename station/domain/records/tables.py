@@ -88,3 +88,13 @@ TIME_AND_DETAIL: Mapping[str, tuple[str, str]] = {
     "result": ("t.at_ns", "t.name"),
     "finish": ("t.ended_ns", "t.outcome"),
 }
+
+#: What yields may be grouped by besides the day, in SQL that SQLite and PostgreSQL read; the attempt is `a`.
+YIELD_GROUPS: Mapping[str, str] = {
+    "all": "''",
+    "station": "a.station",
+    "nest": "a.station || '/' || a.nest",
+    "recipe": "a.recipe_name || '/' || a.recipe_version",
+    "lot": "a.lot",
+    "operator": "a.operator",
+}
