@@ -153,7 +153,8 @@ def _receive_and_store(
                 waiting[number].append(frames)
                 had[number] += len(frames)
                 idle_since_s = time.monotonic()
-        if time.monotonic() >= stop_s or min(had) >= count:
+        # A sender that was starved for a second makes the stop a longer one.
+        if all(waiting) and (time.monotonic() >= stop_s or min(had) >= count):
             stops = [Frames.join(parts) for parts in waiting]
             read = [decode_samples(frames, layout, 1) for frames in stops]
             store.visit(attempts, [_visit(visit, f, s) for f, s in zip(stops, read, strict=True)])
