@@ -9,7 +9,7 @@ import numpy as np
 
 from station.cli import _budget_table, _output
 from station.cli._layout import TextTable
-from station.domain.core.folded_reasons import folded
+from station.domain.core.folded_reasons import folded, folded_notes
 from station.domain.core.types import Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
@@ -150,7 +150,7 @@ def coefficients_limited(recipe: Recipe) -> bool:
 
 
 def _notes(r: CalibrationResult) -> tuple[str, ...]:
-    return () if r.calibration is None else tuple(render(note) for note in r.calibration.notes)
+    return () if r.calibration is None else tuple(map(render, folded_notes(r.calibration.notes)))
 
 
 def _summary(recipe: Recipe, summary: CalibrationSummary) -> str:

@@ -7,6 +7,8 @@ from station.messages import Message, render
 
 #: Coefficients printed of one formula; the document has all.
 MOST_ROWS = 12
+#: Formulas printed that fit as well.
+MOST_EQUIVALENT = 4
 
 
 def lines(findings: Mapping[str, Any]) -> Iterator[str]:
@@ -30,8 +32,11 @@ def lines(findings: Mapping[str, Any]) -> Iterator[str]:
         yield "    " + render(
             Message("formula-gain", before=before, after=after, unit=unit, score=score, std=std, by=gain["held_out_by"])
         )
-        for other in h["equivalent"]:
+        others = h["equivalent"]
+        for other in others[:MOST_EQUIVALENT]:
             yield "    " + render(Message("formula-equivalent", formula=other))
+        if len(others) > MOST_EQUIVALENT:
+            yield "    " + render(Message("formula-more", count=len(others) - MOST_EQUIVALENT))
 
 
 def parameter_line(p: Mapping[str, Any]) -> str:

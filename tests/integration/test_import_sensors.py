@@ -37,6 +37,17 @@ def test_counts_far_off_their_centre_are_a_compass(
     assert 20 < field < 90
 
 
+@pytest.mark.parametrize("rate_hz", [100, 20])
+def test_counts_that_rest_are_an_accelerometer_however_large_its_offset(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, rate_hz: int
+) -> None:
+    y = np.concatenate([np.repeat(pose[None], 4 * rate_hz, axis=0) for pose in sphere(rng, 30)])
+    y = np.round((y + [0.01, 0.42, 0.5] + 0.002 * rng.standard_normal(y.shape)) * 2048)
+    path = tmp_path / "caldata.csv"
+    np.savetxt(path, np.c_[np.arange(len(y)) / rate_hz, y], "%.6g", ",")
+    check(understood(capsys, str(path)), reading_unit="g", scale=1 / 2048, visits=30)
+
+
 def test_a_compass_of_unknown_counts_is_said_to_be_scaled_by_an_assumption(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:

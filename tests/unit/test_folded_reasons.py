@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from station.cli._run import _ProgressLines
-from station.domain.core.folded_reasons import folded, folded_units
+from station.domain.core.folded_reasons import folded, folded_notes, folded_units
 from station.domain.core.types import Reason
 from station.domain.run.progress import VisitDone, VisitRejected
 from station.messages import Message, render
@@ -50,3 +50,12 @@ def test_what_several_nests_have_against_them_at_one_stop_is_one_line(capsys: py
         "SN1, SN3: No readings. Measuring again.",
         "SN2: 2 frames lost. Measuring again.",
     ]
+
+
+def test_notes_of_one_kind_are_one_line_beside_notes_of_others() -> None:
+    moved = [Message("visits-scatter", value=0.1 * i, unit="g") for i in range(5)]
+    other = Message("activity-writing", file="a.csv")
+    first, last = folded_notes([*moved, other])
+    assert first.id == "and-more-like-it"
+    assert render(first).endswith("(and 4 more like it)")
+    assert last == other

@@ -35,6 +35,18 @@ def folded_units(units: Sequence[tuple[str, Sequence[Reason]]]) -> Iterator[str]
             yield f"{serial}: {render(Message('and-units-like-it', first=first, count=len(others), units=others))}"
 
 
+def folded_notes(notes: Sequence[Message]) -> Iterator[Message]:
+    """Notes of each kind: those of one, as a wrong visit is, not more than a person reads."""
+    kinds: dict[str, list[Message]] = {}
+    for note in notes:
+        kinds.setdefault(note.id, []).append(note)
+    for same in kinds.values():
+        if len(same) <= MOST_OF_A_KIND:
+            yield from same
+        else:
+            yield Message("and-more-like-it", first=same[0], count=len(same) - 1)
+
+
 def _kinds(reasons: Sequence[Reason]) -> Iterator[tuple[str, Message]]:
     """(check, message) of each kind, the root cause first."""
     kinds: dict[str, list[Reason]] = {check: [] for check in ROOT_CAUSES}

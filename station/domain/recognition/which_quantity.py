@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 
+from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
-from station.domain.recognition import columns, visits
+from station.domain.recognition import clock, columns, visits
 from station.domain.recognition.columns import Roles
 from station.domain.recognition.quantities import QUANTITIES, from_magnitude, is_converter_middle, sphere
 from station.domain.recognition.raw_table import ImportOptions, RawTable
@@ -13,6 +14,10 @@ from station.errors import SamplesError
 
 #: An accelerometer's offset is this share of gravity at most.
 MOST_OFFSET = 0.5
+#: The rate at which rest is looked for, readings a second.
+USUAL_HZ = 100.0
+#: What rests scatters by less than this share of the magnitude.
+STILL = 0.05
 #: Words of a file's name that tell a quantity.
 _WORDS = {"g": r"^acc", "deg/s": r"^gyr", "uT": r"^(mag|compass|kompass)"}
 
@@ -53,9 +58,33 @@ def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
     means = _means(reading)
     centre, size = sphere(means)
     if bool(np.all(reading[:1000] % 1 == 0)):
-        return visits.is_pose_each(means) and _is_hard_iron(centre, size)
+        return (
+            _is_hard_iron(centre, size)
+            and visits.is_pose_each(means)
+            and not _rests(table, found["uT"].time, reading, size)
+        )
     low, high = QUANTITIES["uT"].sizes or (0.0, 0.0)
     return any(low <= size * factor <= high for factor in QUANTITIES["uT"].factors.values())
+
+
+def _rests(table: RawTable, time: int | None, reading: Floats, size: float) -> bool:
+    """Whether readings (n, 3) about a sphere of that size stand still for most of the time, as those of a sensor do
+    that is turned from pose to pose; at a usual rate, where no column is time."""
+    try:
+        time_s = _time_s(table, time)
+        edges = rest_segments.find(time_s, reading)
+    except SamplesError:
+        return False
+    still = [b - a for a, b in edges.tolist() if np.linalg.norm(reading[a:b].std(axis=0)) < STILL * size]
+    return bool(sum(still) >= len(reading) / 2)
+
+
+def _time_s(table: RawTable, time: int | None) -> Floats:
+    """Stamps (n) in seconds from 0. Errors: SamplesError where they go back."""
+    if time is None or not np.isfinite(table.numbers(time)).all():
+        return np.arange(len(table)) / USUAL_HZ
+    column = table.columns[time]
+    return clock.stamped(table.source, table.numbers(time), column.name, column.unit, None).time_s
 
 
 def _is_hard_iron(centre: Floats, size: float) -> bool:
