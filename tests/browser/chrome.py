@@ -133,6 +133,10 @@ class Browser:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
         self._chrome("Emulation.setDeviceMetricsOverride", size)
 
+    def paper(self, *, on: bool) -> None:
+        """As it would be printed, or on the screen again."""
+        self._chrome("Emulation.setEmulatedMedia", {"media": "print" if on else ""})
+
     def memory(self) -> dict[str, int]:
         """Nodes, listeners and bytes of the page after a garbage collection."""
         self._chrome("HeapProfiler.collectGarbage", {})

@@ -116,3 +116,17 @@ def test_an_auditor_finds_a_unit_and_computes_it_again(
     page.wait("document.querySelector('h1').textContent.includes('certificate SN0001')")
     assert judged(page, axe) == []
     page.picture(pictures / "certificate.png")
+
+
+def test_paper_is_white_and_bears_no_buttons_in_the_dark_look_either(
+    site: Site, log_in: Callable[..., Browser]
+) -> None:
+    page = log_in(site, "emil")
+    for path in ("/audit?theme=dark", "/audit/unit?serial=SN0002&theme=dark", "/charts?theme=dark"):
+        page.go(f"{site.url}{path}")
+        page.paper(on=True)
+        look = "const s = getComputedStyle(document.documentElement); return [s.backgroundColor, s.colorScheme]"
+        assert page.script(look) == ["rgb(255, 255, 255)", "light"], path
+        shown = "return [...document.querySelectorAll('button, input, select')].filter((n) => n.offsetParent).length"
+        assert page.script(shown) == 0, path
+        page.paper(on=False)
