@@ -95,6 +95,13 @@ _OPTIONAL = _rows(
 
 _SENDING = _rows(
     "How it sends",
+    (
+        "it takes coefficients only while it sends nothing",
+        "device refuse:index=0x2101,sub=1,access=write,code=0x08000022,times=1",
+        PASS,
+        "",
+        NEW,
+    ),
     ("its event timer is 0: set for the run", "device holds:index=0x1800,sub=5,value=0", PASS, "", NEW),
     (
         "its event timer is slower than the recipe",

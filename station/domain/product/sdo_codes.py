@@ -5,6 +5,8 @@ from types import MappingProxyType
 
 from station.messages import Message
 
+#: "Because of the present device state": in another one it may be possible.
+DEVICE_STATE = 0x08000022
 #: Abort code → message.
 ABORT: Mapping[int, str] = MappingProxyType(
     {
@@ -36,7 +38,7 @@ ABORT: Mapping[int, str] = MappingProxyType(
         0x08000000: "abort-general",
         0x08000020: "abort-not-stored",
         0x08000021: "abort-local-control",
-        0x08000022: "abort-device-state",
+        DEVICE_STATE: "abort-device-state",
         0x08000023: "abort-no-dictionary",
         0x08000024: "abort-no-data",
     }
