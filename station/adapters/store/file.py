@@ -134,7 +134,10 @@ class FilesInPlace:
         "Multigrain Timestamps"): the write-ahead log at each commit. A change within the same tick of a coarse clock
         would bear the same time, so a folder that changed just now is not taken for unchanged.
         """
-        folder = os.stat(self._folder)  # noqa: PTH116  # a path's own stat takes three times as long
+        try:
+            folder = os.stat(self._folder)  # noqa: PTH116  # a path's own stat takes three times as long
+        except OSError:
+            raise self._moved() from None
         now = folder.st_dev, folder.st_ino, folder.st_ctime_ns
         if now == self._unchanged:
             return
@@ -150,7 +153,10 @@ class FilesInPlace:
                 return
         except OSError:
             pass
-        raise StoreFault("log-moved", path=str(self._path))
+        raise self._moved()
+
+    def _moved(self) -> StoreFault:
+        return StoreFault("log-moved", path=str(self._path))
 
     def _inodes(self) -> list[tuple[int, int]]:
         return [((stat := os.stat(name)).st_dev, stat.st_ino) for name in self._names]  # noqa: PTH116
