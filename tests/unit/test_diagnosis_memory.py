@@ -146,3 +146,12 @@ def test_a_space_made_some_units_at_a_time_scores_as_the_whole_does(
     np.testing.assert_allclose(found.evidence, whole.evidence, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.readings.fits, whole.readings.fits, rtol=1e-12)
     assert found.readings.size.dof == whole.readings.size.dof
+
+
+def test_candidates_of_a_kind_may_be_looked_at_one_by_one(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    floor, bank = problem.fit().floor, build_banks(problem.view)[0]
+    space = problem.space(floor, moving=False)
+    (together,) = project_bank(bank, problem.view.layout, [space])
+    monkeypatch.setattr(projected_bank, "EIGENVALUES_AT_ONCE", 1)
+    (alone,) = project_bank(bank, problem.view.layout, [space])
+    np.testing.assert_allclose(alone.evidence, together.evidence, rtol=1e-9, atol=1e-9)

@@ -28,6 +28,9 @@ from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
+#: Eigenvalues looked at together: with a number for each amplitude, some 10 MB.
+EIGENVALUES_AT_ONCE = 1 << 15
+
 
 class EigenProducts(NamedTuple):
     """Products of columns along the eigenvectors E of their normal matrix: its eigenvalues m (b, …, K), EᵀZᵀC
@@ -37,6 +40,11 @@ class EigenProducts(NamedTuple):
     cross: Floats
     readings: Floats
     vectors: Floats | None
+
+    def of(self, some: slice) -> "EigenProducts":
+        """Those of some of the candidates (b)."""
+        E = None if self.vectors is None else self.vectors[some]
+        return EigenProducts(self.m[some], self.cross[some], self.readings[some], E)
 
 
 class CandidateFit(NamedTuple):
@@ -244,9 +252,21 @@ def _candidate_fits(
     drawn: AxesSource | None,
     sets: DataSets,
 ) -> Iterator[CandidateFit]:
-    """What all parts together show of each candidate of a kind."""
+    """What all parts together show of each candidate of a kind; some candidates at a time, since each has a number for
+    every amplitude that is tried."""
+    every = _all_parts(kind, parts, sets.size.copies, axes=drawn is not None)
+    at_once = max(1, EIGENVALUES_AT_ONCE // max(every.m[0].size, 1))
+    for first in range(0, len(kind.which), at_once):
+        some = slice(first, first + at_once)
+        yield from _fits_of(kind._replace(which=kind.which[some]), bank, every.of(some), drawn, sets)
+
+
+def _fits_of(
+    kind: ShapeGroup, bank: Bank, products: EigenProducts, drawn: AxesSource | None, sets: DataSets
+) -> Iterator[CandidateFit]:
+    """The same of the candidates that a kind has left."""
     size, scan = sets.size, kind.pattern == "scan"
-    m, cross, readings, E = _all_parts(kind, parts, size.copies, axes=drawn is not None)
+    m, cross, readings, E = products
     visible = _leaves_something(visible_directions(m, GROUP_AXES[kind.pattern]), kind.pattern, size)
     most = np.array([bank.candidates[i].most for i in kind.which])
     can = spectrum(size, np.where(visible, m, 0.0), cross * visible[..., None], kind.pattern, most)
