@@ -335,3 +335,14 @@ def test_marks_of_thousands_may_be_apostrophes_and_names_chinese(
     rows = "".join(f"{i / 100:.2f},{a:.4f},{b:.4f},{c:.4f}\n" for i, (a, b, c) in enumerate(y / 16384 * 9.80665))
     page.write_bytes((head + rows).encode("gb18030"))
     check(understood(capsys, str(page)), axes=["加速度X", "加速度Y", "加速度Z"], raw_unit="m/s²", visits=8)
+
+
+@pytest.mark.parametrize(("head", "stated"), [("temp", False), ("temp [°C]", True), ("temp_degC", True)])
+def test_degrees_that_no_header_states_are_said_to_be_inferred(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, head: str, *, stated: bool
+) -> None:
+    y = tumble(rng)
+    path = tmp_path / "warm.csv"
+    rows = np.c_[np.arange(len(y)) / 100, y, np.linspace(68, 86, len(y))]
+    np.savetxt(path, rows, "%.5f", ",", header=f"t,ax,ay,az,{head}", comments="", encoding="utf-8")
+    assert ("temperature" in understood(capsys, str(path))["inferred"]) != stated

@@ -11,7 +11,7 @@ from station.domain.recognition import bad_rows, clock, columns, quantities, uni
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
 from station.domain.recognition.quantities import QUANTITIES, Quantity, UnitScale
-from station.domain.recognition.raw_table import ImportOptions, RawTable
+from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
 from station.errors import SamplesError, UsageError
 from station.messages import Message
 
@@ -42,6 +42,7 @@ class Recording:
     scale: UnitScale
     unit: str
     remarks: tuple[Message, ...]
+    degrees_inferred: bool = False
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -78,6 +79,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         clock=ticks,
         scale=scale,
         unit=unit,
+        degrees_inferred=roles.temperature is not None and not _says_degrees(table.columns[roles.temperature]),
         remarks=(
             *table.remarks,
             *remarks,
@@ -186,6 +188,12 @@ def _scale(
         return UnitScale(stated, quantity.factors[stated], inferred=False)
     found = quantities.from_magnitude(means, quantity, whole=whole or stated == "LSB")
     return replace(found, inferred=stated is None)
+
+
+def _says_degrees(column: RawColumn) -> bool:
+    """Whether the header states the unit of a temperature."""
+    said = f"{column.name} {column.unit}".lower()
+    return bool(column.unit.strip()) or any(word in said for word in ("degc", "°", "celsius", "kelvin", "fahrenheit"))
 
 
 def _temperature(table: RawTable, roles: Roles, usable: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:

@@ -85,6 +85,8 @@ def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:
         yield "rate"
     if visits is not None and visits.found_by in ("rest", "shown-blocks", "readings", "files"):
         yield "visits"
+    if r.degrees_inferred:
+        yield "temperature"
     yield from ("noise", "lsb", "full_scale")
 
 
@@ -125,7 +127,7 @@ def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Me
         yield Message("understood-full-scale", full_scale=facts["full_scale"], unit=facts["reading_unit"])
     if facts["temperature_degC"] is not None:
         low, high = facts["temperature_degC"]
-        yield Message("understood-temperature", low=low, high=high)
+        yield Message("understood-temperature", low=low, high=high, how=how("temperature"))
     yield from remarks
 
 
