@@ -10,6 +10,7 @@ from station.diagnosis.candidates import projected_bank
 from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.linear import noise_floor
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
@@ -155,3 +156,12 @@ def test_candidates_of_a_kind_may_be_looked_at_one_by_one(problem: Any, monkeypa
     monkeypatch.setattr(projected_bank, "EIGENVALUES_AT_ONCE", 1)
     (alone,) = project_bank(bank, problem.view.layout, [space])
     np.testing.assert_allclose(alone.evidence, together.evidence, rtol=1e-9, atol=1e-9)
+
+
+def test_a_floor_is_the_same_from_units_one_by_one(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    bound = problem.upper
+    together = problem.fit(upper=bound)
+    monkeypatch.setattr(noise_floor, "UNITS_AT_ONCE", 1)
+    alone = problem.fit(upper=bound)
+    np.testing.assert_allclose(alone.floor.variances, together.floor.variances, rtol=1e-7, atol=1e-20)
+    np.testing.assert_allclose(alone.covariance, together.covariance, rtol=1e-6, atol=1e-30)

@@ -6,7 +6,7 @@ of those causes' own signatures. The estimate is Newton's on the average informa
 Biometrics 51 (1995) 1440, eq. 5), inside bounds.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -25,6 +25,8 @@ from station.domain.core.types import Floats
 
 #: Nats of log-likelihood below which a floor is not worth improving.
 CONVERGED_NATS = 2e-5
+#: Units looked at together for a step of the search.
+UNITS_AT_ONCE = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,22 +254,34 @@ def _initial_variances(parts: FloorStructure, known: NuisanceColumns, readings: 
 
 
 def _newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
-    """Slope (3) and average information (3, 3) of the restricted log-likelihood by the variances."""
+    """Slope (3) and average information (3, 3) of the restricted log-likelihood by the variances; units some at a time,
+    as each has three columns of every column."""
+    runs, residual = now.covariance.runs, now.residual
+    trace = parts.traces(runs)[runs.member].sum((0, 1))
+    normal, along, to_shared = np.zeros((3, 3)), np.zeros(3), np.zeros((now.shared_basis.shape[2], 3))
+    for first in range(0, len(residual), UNITS_AT_ONCE):
+        units = slice(first, first + UNITS_AT_ONCE)
+        some, own = now.part(units), residual[units]
+        moved, free, known = _moved(replace(parts, member=parts.member[units]), some, own)
+        normal += moved.reshape(-1, 3).T @ free.reshape(-1, 3)
+        to_shared += some.shared_basis.reshape(own.size, -1).T @ free.reshape(-1, 3)
+        along += np.einsum("umi,um->i", moved, own)
+        trace = trace - known
+    return -0.5 * (trace - along), 0.5 * (normal - to_shared.T @ to_shared)
+
+
+def _moved(parts: FloorStructure, now: ResidualSpace, residual: Floats) -> tuple[Floats, Floats, Floats]:
+    """Of some units what each variance makes of the residual (U, M, 3), the same free of the own known columns, and how
+    much of it (3) all known columns take up."""
     runs = now.covariance.runs
-    residual = now.residual[..., None]
-    rows = np.concatenate([residual, now.basis, now.shared_basis], axis=2)
+    rows = np.concatenate([residual[..., None], now.basis, now.shared_basis], axis=2)
     U, R = runs.member.shape
     stops = rows[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
     acted = parts.times(runs.transposed(stops))
     white = runs.whiten(acted.reshape(*stops.shape[:3], -1)).reshape(U, R * runs.rows, 3, -1)
     moved = np.pad(white[..., 0], ((0, 0), (0, rows.shape[1] - white.shape[1]), (0, 0)))
-    free = now.free(moved)
-    to_shared = now.shared_basis.reshape(residual.size, -1).T @ free.reshape(-1, 3)
-    information = 0.5 * (moved.reshape(-1, 3).T @ free.reshape(-1, 3) - to_shared.T @ to_shared)
-    # What the known columns take up.
     known = np.einsum("umc,umic->i", rows[:, : white.shape[1], 1:], white[..., 1:], optimize=True)
-    trace = parts.traces(runs)[runs.member].sum((0, 1)) - known
-    return -0.5 * (trace - np.einsum("umi,um->i", moved, residual[..., 0])), information
+    return moved, now.free(moved), np.asarray(known)
 
 
 def _step(slope: Floats, information: Floats, held: NDArray[np.bool_]) -> Floats:
