@@ -189,6 +189,9 @@ def _line_sentences(findings: Mapping[str, Any]) -> Iterator[str]:
     if found is None:
         return
     worst = max(found["units"], key=lambda u: u["moves"])
+    if not worst["moves"]:
+        yield "on the line: calibrated readings do not move"
+        return
     largest = f"{worst['moves']:.3g} {found['unit']} rms ({worst['serial']})"
     yield f"on the line: calibrated readings move by up to {largest}"
     if found["passed_before"] is not None:
@@ -201,9 +204,8 @@ def _line_sentences(findings: Mapping[str, Any]) -> Iterator[str]:
 def _print_diagnosis(findings: Mapping[str, Any]) -> None:
     """The finding for a person."""
     data, unit = findings["data"], findings["baseline"]["unit"]
-    _output.print_line(
-        f"{data['units']} units, {data['runs']} runs, {data['visits']} visits, {data['samples']} samples"
-    )
+    counts = render(Message("card-counts", units=data["units"], runs=data["runs"], visits=data["visits"]))
+    _output.print_line(f"{counts}, {data['samples']} samples")
     _output.print_line(f"verdict: {findings['verdict']}. {findings['sentence']}")
     base = findings["baseline"]
     remaining = f", {findings['extended']['residual_rms']:.3g} {unit} with what was found" if findings["causes"] else ""

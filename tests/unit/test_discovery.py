@@ -8,7 +8,7 @@ import pytest
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
-from station.diagnosis.discovery.discover import discover, is_series
+from station.diagnosis.discovery.discover import _group_terms, discover, is_series
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, search_between
 from station.diagnosis.results.diagnose import Diagnosis
@@ -170,3 +170,13 @@ def test_groups_of_more_than_can_repeat_are_no_pattern() -> None:
     visits = np.arange(MOST_FREE_GROUPS + 1)
     assert _group_columns(visits, np.ones((len(visits), 1))).shape == (len(visits), 0)
     assert _group_columns(visits // 2, np.ones((len(visits), 1))).sum(0).max() == 2
+
+
+def test_groups_that_are_seen_less_than_twice_each_are_no_terms() -> None:
+    table, _ = hide(recipe(), None, 8, floor=WHITE)
+    once = table[(table.run == 0) & (table.unit.code == 0)].used()
+    levels = []
+    for samples in (table, once):
+        problem = initial_problem(reduce_samples(recipe(), samples), FloorAllowance.of(recipe(), Model()))
+        levels.append({term.of for term in _group_terms(problem)})
+    assert "position" in levels[0] and "position" not in levels[1]

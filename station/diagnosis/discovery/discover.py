@@ -244,13 +244,17 @@ def _distinct_levels(problem: ScoringProblem, levels: Sequence[str]) -> Iterator
 
 
 def _group_terms(problem: ScoringProblem) -> Iterator[Term]:
-    """Terms that the rig's groups may have: an offset or a gain of each, and turns of its parts."""
+    """Terms that the rig's groups may have: an offset or a gain of each, and turns of its parts. Groups that are seen
+    less than twice each take up as many numbers as there are: no evidence speaks for them."""
     levels = [of for of in _distinct_levels(problem, ("common", "unit", *GROUP_LEVELS)) if of in GROUP_LEVELS]
     wanted = [("one", of) for of in levels] + [("own", of) for of in levels if of != "position"]
     if problem.view.grid.k == 3:
         wanted += [("turn-station", "common"), *(("turn-nest", of) for of in ("common", "nest", "position"))]
         wanted += [("turn-device", of) for of in ("unit", "common")]
+    scene, visits = problem.view.scene, len(problem.view.reduced.mean)
     for name, of in wanted:
+        if of in GROUP_LEVELS and 2 * len(scene.group(of)[1]) > visits:
+            continue
         axes = tuple(c.label for c in columns_of(INPUTS[name], MODULATORS["constant"]))
         yield Term(name, "constant", axes, of)
 
