@@ -121,5 +121,6 @@ def _print_summary(out: Path, truth_path: Path, truth: dict[str, Any], *, as_jso
         return
     causes = ", ".join(names) or "no cause"
     _output.print_line(
-        f"{len(truth['units'])} units with {causes}, seed {truth['seed']}: {out}; the truth: {truth_path}"
+        f"{_output.counted(len(truth['units']), 'unit')} with {causes}, "
+        f"seed {truth['seed']}: {out}; the truth: {truth_path}"
     )
