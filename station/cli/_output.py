@@ -37,11 +37,6 @@ def line_width() -> int | None:
     return None
 
 
-def counted(count: int, thing: str) -> str:
-    """`1 unit`, `2 units`: for lines of tables, which are no messages."""
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
-
-
 def read_password(name: str) -> str:
     """The password of a person: asked for, or the next line of standard input in a pipe."""
     if sys.stdin.isatty():

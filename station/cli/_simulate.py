@@ -120,7 +120,5 @@ def _print_summary(out: Path, truth_path: Path, truth: dict[str, Any], *, as_jso
         _output.print_json({**document, "units": len(truth["units"]), "seed": truth["seed"]})
         return
     causes = ", ".join(names) or "no cause"
-    _output.print_line(
-        f"{_output.counted(len(truth['units']), 'unit')} with {causes}, "
-        f"seed {truth['seed']}: {out}; the truth: {truth_path}"
-    )
+    units = "1 unit" if len(truth["units"]) == 1 else f"{len(truth['units'])} units"
+    _output.print_line(f"{units} with {causes}, seed {truth['seed']}: {out}; the truth: {truth_path}")

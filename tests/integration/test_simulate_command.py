@@ -47,7 +47,7 @@ def test_equal_seeds_write_equal_files(tmp_path: Path, capsys: pytest.CaptureFix
         assert station("simulate", *args, "--out", str(tmp_path / f"{name}.csv")) == 0
         written.append((tmp_path / f"{name}.csv").read_bytes())
     assert written[0] == written[1] != written[2]
-    capsys.readouterr()
+    assert capsys.readouterr().out.startswith("1 unit with nest-tilt, seed 3")
 
 
 def test_frames_and_marks_replay_to_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

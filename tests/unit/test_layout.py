@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.cli._layout import TextTable, command_lines, sentence_lines
-from station.cli._output import counted
 
 WIDTHS = st.integers(40, 120)
 CELLS = st.text("0123456789.+-eSN", max_size=14)
@@ -57,7 +56,3 @@ def test_a_long_name_gets_a_line_of_its_own_and_the_rest_of_its_row_stays_one_li
     assert lines[-2].split() == list(rows[0][1:])
     assert lines[-1].split() == list(rows[1][2:])
     assert all(len(line) <= 48 for line in lines)
-
-
-def test_one_thing_is_said_in_the_singular() -> None:
-    assert [counted(n, "visit") for n in (0, 1, 2)] == ["0 visits", "1 visit", "2 visits"]
