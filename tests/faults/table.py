@@ -266,7 +266,7 @@ _ANSWERS = _rows(
         "a coefficient answered as another one",
         "device wrong-object:index=0x2101,sub=4,value=0x2102",
         ERROR,
-        "1 answer came that does not fit it",
+        "1 answer came that does not fit the request",
     ),
     ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "to another request, or with a wrong toggle bit"),
     ("a node babbles with the highest priority", "device babble:after_s=26", PASS, "", NEW),

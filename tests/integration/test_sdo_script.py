@@ -215,7 +215,7 @@ def test_a_confirmation_of_another_object_is_none(start: Start) -> None:
         ("2f 00 20 00 01 00 00 00", ["60 99 99 09 00 00 00 00"]),
         ("80 00 20 00 00 00 04 05", []),
     )
-    with pytest.raises(DeviceSilent, match="1 answer came that does not fit it"):
+    with pytest.raises(DeviceSilent, match="1 answer came that does not fit the request"):
         sdo.download(0x2000, 0, b"\1")
 
 

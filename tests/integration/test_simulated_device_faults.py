@@ -57,7 +57,7 @@ def stale_once(rig: DeviceRig) -> None:
 
 
 def wrong_object(rig: DeviceRig) -> None:
-    with pytest.raises(DeviceSilent, match="1 answer came that does not fit it"):
+    with pytest.raises(DeviceSilent, match="1 answer came that does not fit the request"):
         rig.station.upload(0x2106, 0)
 
 
