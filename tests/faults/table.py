@@ -260,7 +260,7 @@ _ANSWERS = _rows(
         "one answer for another object",
         "device wrong-object:at=12,times=1,value=8192",
         ERROR,
-        "to another request, or with a wrong toggle bit",
+        "a wrong toggle bit",
     ),
     (
         "a coefficient answered as another one",
@@ -268,7 +268,7 @@ _ANSWERS = _rows(
         ERROR,
         "1 answer came that does not fit the request",
     ),
-    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "to another request, or with a wrong toggle bit"),
+    ("toggle bit wrong in a segment", "device wrong-toggle", ERROR, "a wrong toggle bit"),
     ("a node babbles with the highest priority", "device babble:after_s=26", PASS, "", NEW),
     ("it babbles from the start, and others get through", "device babble", PASS, "", NEW),
 )

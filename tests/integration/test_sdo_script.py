@@ -379,7 +379,7 @@ def test_one_repeated_frame_is_forgiven(start: Start) -> None:
 def test_a_flood_of_strays_does_not_outlast_the_deadline() -> None:
     channel = Flood(NODE)
     sdo = SdoClient(ServiceNetwork(channel, channel), NODE, 0.3)
-    with pytest.raises(DeviceSilent, match="to another request, or with a wrong toggle bit"):
+    with pytest.raises(DeviceSilent, match="to another one, or have a wrong toggle bit"):
         sdo.upload(0x2000, 0)
     assert 0.3 <= channel.monotonic_s() - 100.0 < 0.4
 
