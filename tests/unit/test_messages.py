@@ -4,6 +4,7 @@ import ast
 import pickle
 import re
 import string
+import tomllib
 from collections.abc import Iterator
 
 import pytest
@@ -81,3 +82,13 @@ def test_a_sentence_in_a_sentence_ends_once(language: str) -> None:
         text = render(Message("document-mistakes", file="model.yaml", mistakes=rows), language)
         assert not re.search(r"[.?。？][.。;；]", text.replace("?;", "").replace("？；", "")), text
         assert text[-1] in ".?。？"
+
+
+def test_an_extra_is_installed_by_the_name_of_this_distribution() -> None:
+    """`station` alone is somebody else's package: a remedy that named it would install that."""
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {f"{project['name']}[{extra}]" for extra in project["optional-dependencies"]}
+    pages = [page.read_text(encoding="utf-8") for page in (PACKAGE.parent / "docs").rglob("*.md")]
+    sentences = [sentence for language in languages() for sentence in templates(language).values()]
+    named = re.findall(r"pip install [\"']?([\w-]+\[[^\]{]+\])", "\n".join(pages + sentences))
+    assert named and set(named) <= extras
