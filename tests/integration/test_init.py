@@ -55,7 +55,7 @@ def test_a_new_product_passes_on_the_rehearsal_bench_by_one_command_and_no_edit(
 def test_it_never_writes_over_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["init", "one", "--no-run"]) == 0
     before = {p: p.read_bytes() for p in here.rglob("*") if p.is_file()}
-    with pytest.raises(UsageError, match=r"dbc/one.yaml, .* is there already, and init overwrites nothing"):
+    with pytest.raises(UsageError, match=r"already .*dbc/one.yaml, .*, and init overwrites nothing"):
         run_command(["init", "one", "--no-run"])
     assert {p: p.read_bytes() for p in here.rglob("*") if p.is_file()} == before
 
