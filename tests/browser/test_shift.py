@@ -2,7 +2,9 @@
 
 import json
 import signal
+import statistics
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -209,7 +211,7 @@ def test_a_panel_that_dies_hurts_no_run_and_finds_it_again(serve: Serve, log_in:
     again.wait(f"{verdict('A')} === 'ABORTED' && document.body.dataset.running === 'false'", 20)
 
 
-def test_fifty_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tmp_path: Path) -> None:
+def test_sixty_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tmp_path: Path) -> None:
     site = serve()
     live = Path(f"{site.database}.live.json")
     nests = [
@@ -238,8 +240,9 @@ def test_fifty_updates_leave_nothing_behind(serve: Serve, log_in: LogIn, tmp_pat
             page.wait(observed.format(number), 5)
         return page.memory()
 
-    before = rounds(1, 15)
-    after = rounds(15, 65)
-    assert after["Nodes"] <= before["Nodes"] + 16  # a node an update would be 50
-    assert after["JSEventListeners"] <= before["JSEventListeners"]
-    assert after["JSHeapUsedSize"] < before["JSHeapUsedSize"] + 200_000
+    # Every fifteenth update shows the same. What the browser holds for a while comes once, a leak each round.
+    found = [rounds(1, 15), *(rounds(last - 15, last) for last in (30, 45, 60, 75))]
+    nodes = [after["Nodes"] - before["Nodes"] for before, after in pairwise(found)]
+    assert statistics.median(nodes) < 8  # a node an update would be 15
+    assert found[-1]["JSEventListeners"] <= found[0]["JSEventListeners"]
+    assert found[-1]["JSHeapUsedSize"] < found[0]["JSHeapUsedSize"] + 200_000
