@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 import station
@@ -26,7 +27,7 @@ def find_file(name: str, folder: str, near: Path | None, error: type[InputError]
     """The file `name`: a path as given, else in `folder` around the file `near`, here, or as shipped.
 
     A file that says by its schema that it is another kind of document is passed over: a recipe and a product may have
-    one name. Errors: `error` naming the folders that were searched.
+    one name. Errors: `error` naming the folders that were searched, and the nearest name in them.
     """
     given = Path(name)
     if given.is_absolute() or (given.exists() and not _is_other(given, folder)):
@@ -35,7 +36,12 @@ def find_file(name: str, folder: str, near: Path | None, error: type[InputError]
     for place in folders:
         if (place / name).is_file() and not _is_other(place / name, folder):
             return place / name
-    raise error("no-such-file-in-folders", file=name, folders=[str(p) for p in (Path(), *folders)])
+    searched = [str(p) for p in (Path(), *folders)]
+    there = (path for place in folders if place.is_dir() for path in place.iterdir() if path.suffix == given.suffix)
+    names = {path.stem for path in there if not _is_other(path, folder)}
+    if close := get_close_matches(given.stem[:64], sorted(names), 1):
+        raise error("no-such-file-near", file=name, folders=searched, nearest=close[0] + given.suffix)
+    raise error("no-such-file-in-folders", file=name, folders=searched)
 
 
 def _is_other(path: Path, folder: str) -> bool:

@@ -88,6 +88,11 @@ def test_what_is_nowhere_names_the_places_that_were_searched() -> None:
         find_file("no-such.yaml", "recipes", None, RecipeError)
 
 
+def test_a_mistyped_name_is_answered_with_the_nearest_that_is_there() -> None:
+    with pytest.raises(RecipeError, match=r"There is no six-pont\.yaml in .*; did you mean six-point\.yaml\?"):
+        find_file("six-pont.yaml", "recipes", None, RecipeError)
+
+
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "a/b", "..", ".", ""])
 def test_a_product_name_cannot_leave_its_folder(name: str) -> None:
     with pytest.raises(ProductError, match="is not a plain name"):
