@@ -53,7 +53,7 @@ def test_units_of_several_recipes_are_not_compared_and_since_chooses_those_of_on
     words = ("diagnose", "--shared", "--recipe", "six-point", "--db", tables)
     refused = station(capsys, *words, code=2)
     assert "made with 2 different recipes named 'six-point'" in refused
-    assert "choose those of one with --since" in refused
+    assert "choose those of one recipe with --since" in refused
     since = shared_fleet.FIRST + CHANGED * shared_fleet.STEP
     assert "No group of the 100 units" in station(capsys, *words, "--since", since.isoformat(), code=0)
 

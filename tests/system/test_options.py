@@ -100,5 +100,5 @@ def test_a_limit_beside_a_check_that_lists_nothing_is_refused(tmp_path: Path) ->
     fixture_run.run(tmp_path, ["SN0001"], recipe=fixture_run.brief_recipe(tmp_path))
     log = ("--db", tmp_path / "station.db")
     done = captured("audit", "--verify", "--limit", "3", *log)
-    assert (done.returncode, "--limit is of a list" in done.stderr) == (2, True), done
+    assert (done.returncode, "--limit belongs to a list" in done.stderr) == (2, True), done
     assert captured("audit", "--verify", "--limit", "3", "--nest", "A", *log).returncode == 0
