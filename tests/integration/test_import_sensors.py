@@ -246,14 +246,14 @@ def test_a_row_an_axis_of_two_sensors_tells_them_apart(
 
 
 @pytest.mark.parametrize("stamped", [True, False])
-def test_a_table_that_lies_on_its_side_is_set_upright(
+def test_a_transposed_table_is_read(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture, *, stamped: bool
 ) -> None:
     y = tumble(rng) if stamped else sphere(rng, 24) * 1.02
     lines = {f"a{axis}": column for axis, column in zip("xyz", y.T, strict=True)}
     if stamped:
         lines = {"time": np.arange(len(y)) / 100, **lines}
-    path = tmp_path / "lying.csv"
+    path = tmp_path / "transposed.csv"
     path.write_text("".join(",".join([name, *(f"{v:.4f}" for v in values)]) + "\n" for name, values in lines.items()))
     check(understood(capsys, str(path)), axes=["ax", "ay", "az"], visits=8 if stamped else 24)
 

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from station.adapters.recordings import arrow, cells, dialect, echoed, json_rows, kinds, lying, stamps, wrapped
+from station.adapters.recordings import arrow, cells, dialect, echoed, json_rows, kinds, stamps, transposed, wrapped
 from station.adapters.recordings.dialect import Dialect
 from station.adapters.recordings.limits import MOST_LINE, check_shape
 from station.domain.recognition.raw_table import RawColumn, RawTable
@@ -31,7 +31,7 @@ def read(path: Path) -> list[RawTable]:
     longest = max(range(len(lines)), key=lambda i: len(lines[i]))
     if len(lines[longest]) > MOST_LINE:
         raise SamplesError("line-too-long", file=file, line=longest + 1, limit=MOST_LINE)
-    lines = echoed.table_lines(lines) or lying.upright_lines(lines) or lines
+    lines = echoed.table_lines(lines) or transposed.lines_by_reading(lines) or lines
     parts = [part for part in kinds.apart(lines) if _is_table(part)] or [lines]
     if len(parts) == 1 and (unwrapped := wrapped.unwrapped_lines(dialect.without_keys(parts[0]))) is not None:
         parts = [unwrapped]

@@ -1,16 +1,16 @@
-"""Tables that lie on their side: a line for each axis, which begins with its name."""
+"""Transposed tables: a line for each axis, which begins with its name."""
 
 from itertools import zip_longest
 
 from station.adapters.recordings import dialect
 from station.domain.recognition import axis_names
 
-#: A table that lies has at most so many lines, of at least so many cells, and more cells than lines.
+#: A transposed table has at most so many lines, of at least so many cells, and more cells than lines.
 MOST_LINES, LEAST_CELLS = 40, 8
 
 
-def upright_lines(lines: list[str]) -> list[str] | None:
-    """The same table with a line a reading; None where it stands already."""
+def lines_by_reading(lines: list[str]) -> list[str] | None:
+    """The same table with a line a reading; None where it has that already."""
     content = [line for line in lines if line.strip() and not dialect.is_comment(line)]
     if not 3 <= len(content) <= MOST_LINES:
         return None
