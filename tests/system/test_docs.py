@@ -74,3 +74,7 @@ def test_the_recipe_page_names_every_key() -> None:
 def test_every_shipped_recipe_is_read_and_called_as_its_file() -> None:
     for path in sorted((ROOT / "recipes").glob("*.yaml")):
         assert load_recipe(path).name == path.stem
+
+
+def test_the_readme_is_read_in_a_few_minutes() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
