@@ -1,4 +1,4 @@
-"""No line of a budget is a default that nobody is told of."""
+"""No line of a budget is a default that is not listed."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ RECIPES = shipped_folder() / "recipes"
 #: Lines that readings show by themselves (Type A).
 ESTIMATED = {"noise", "quantisation"}
 #: Any of these keys tells of the line.
-TOLD_BY = {
+DISCLOSED_BY = {
     "converter": {"device.rounding"},
     "position": {"reference.pose_std_deg"},
     "scatter": {"residuals"},
@@ -48,7 +48,7 @@ def silent(document: dict[str, Any]) -> Recipe:
 @pytest.mark.parametrize("name", sorted(p.stem for p in RECIPES.glob("*.yaml") if "hand-held" not in p.stem))
 def test_every_line_of_a_silent_recipe_s_budget_is_listed_as_assumed(name: str) -> None:
     recipe = silent(yaml.safe_load((RECIPES / f"{name}.yaml").read_text(encoding="utf-8")))
-    assert_told(recipe)
+    assert_disclosed(recipe)
 
 
 def test_of_a_gold_reference_what_its_certificate_did_not_say_is_listed() -> None:
@@ -56,16 +56,16 @@ def test_of_a_gold_reference_what_its_certificate_did_not_say_is_listed() -> Non
     gold = {"serial": "G1", "due": "2099-01-01"}
     document["reference"] = {"source": "gold", "gold": gold}
     recipe = silent(document)
-    assert_told(recipe)
+    assert_disclosed(recipe)
     stated = {**gold, "offset_std": 0.0, "gain_std": 0.0, "seat_std_deg": 0.0}
     document["reference"]["gold"] = stated
     left = {a.key for a in assumptions.listing(silent(document)) if not a.stated}
     assert not any("gold" in key for key in left)
 
 
-def assert_told(recipe: Recipe) -> None:
-    told = {a.key for a in assumptions.listing(recipe) if not a.stated}
+def assert_disclosed(recipe: Recipe) -> None:
+    listed = {a.key for a in assumptions.listing(recipe) if not a.stated}
     parts = forecast(recipe, np.zeros(12)).budget.parts
     lines = {cause for cause, part in parts.items() if np.diagonal(part).any()} - ESTIMATED
-    assert lines - TOLD_BY.keys() == set()
-    assert [cause for cause in sorted(lines) if not TOLD_BY[cause] & told] == []
+    assert lines - DISCLOSED_BY.keys() == set()
+    assert [cause for cause in sorted(lines) if not DISCLOSED_BY[cause] & listed] == []

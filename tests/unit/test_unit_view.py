@@ -18,7 +18,7 @@ def attempt(serial: str, nest: str, value: float) -> AttemptValues:
     return AttemptValues(serial, nest, started_ns, "PASS", {"gain x": value}, {}, {})
 
 
-def told(nest_a: list[float], others: list[float], limits: tuple[float, float] | None = LIMITS) -> str:
+def nest_sentence(nest_a: list[float], others: list[float], limits: tuple[float, float] | None = LIMITS) -> str:
     own = attempt("0", "A", 0.96)
     day = [own, *(attempt(str(i + 1), "A", v) for i, v in enumerate(nest_a))]
     day += [attempt(str(i + 101), "B", v) for i, v in enumerate(others)]
@@ -26,13 +26,17 @@ def told(nest_a: list[float], others: list[float], limits: tuple[float, float] |
 
 
 def test_the_unit_or_the_nest() -> None:
-    assert told([], [1.0] * 9) == ""
-    assert told([1.0] * 4, [1.0] * 9).startswith("The same nest (A) that day: 4 other units")
-    assert told([1.0] * 9, [1.0] * 9, None).startswith("The same nest (A) that day: 9 other units")
-    assert told([1.0] * 9, [1.0] * 9).startswith("The unit, not the nest: 9 other units in A met this limit")
-    assert told([0.95] * 3 + [1.0] * 6, [1.0] * 9).startswith("Look at the nest: 3 of 9 other units in A missed")
-    assert told([0.95] + [1.0] * 9, [1.0] * 9).startswith("In the same nest (A) 1 of 10 other units missed")
-    assert told([0.95] * 3 + [1.0] * 6, [0.95] * 3 + [1.0] * 6).startswith("In the same nest (A) 3 of 9 other units")
+    assert nest_sentence([], [1.0] * 9) == ""
+    assert nest_sentence([1.0] * 4, [1.0] * 9).startswith("The same nest (A) that day: 4 other units")
+    assert nest_sentence([1.0] * 9, [1.0] * 9, None).startswith("The same nest (A) that day: 9 other units")
+    assert nest_sentence([1.0] * 9, [1.0] * 9).startswith("The unit, not the nest: 9 other units in A met this limit")
+    assert nest_sentence([0.95] * 3 + [1.0] * 6, [1.0] * 9).startswith(
+        "Look at the nest: 3 of 9 other units in A missed"
+    )
+    assert nest_sentence([0.95] + [1.0] * 9, [1.0] * 9).startswith("In the same nest (A) 1 of 10 other units missed")
+    assert nest_sentence([0.95] * 3 + [1.0] * 6, [0.95] * 3 + [1.0] * 6).startswith(
+        "In the same nest (A) 3 of 9 other units"
+    )
 
 
 @pytest.mark.parametrize(
