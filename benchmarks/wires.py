@@ -19,6 +19,7 @@ from station.adapters.bus._recvmmsg import SO_MEMINFO, SO_RCVBUFFORCE
 #: ("vcan", interface) or ("udp", port).
 Target = tuple[str, str | int]
 FRAME = struct.Struct("=IB3x8s")
+CLASSIC_MTU, FD_MTU = 16, 72
 #: What the sender's process runs.
 _SENDER = """
 import sys
@@ -62,14 +63,13 @@ def cpu_ns() -> int:
     return time.perf_counter_ns() if is_guest() else time.process_time_ns()
 
 
-def open_wire(number: int) -> Wire:
-    """A receiving socket with a large buffer."""
+def open_wire(number: int, *, fd: bool = False) -> Wire:
+    """A receiving socket with a large buffer; fd: it carries FD frames too."""
     if _has_can():
         name = f"bench{number}"
         subprocess.run(["ip", "link", "add", "dev", name, "type", "vcan"], check=True)
-        subprocess.run(["ip", "link", "set", name, "up"], check=True)
-        sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-        sock.bind((name,))
+        subprocess.run(["ip", "link", "set", name, "mtu", str(FD_MTU if fd else CLASSIC_MTU), "up"], check=True)
+        sock = _can_socket(name, fd=fd)
         wire = Wire(sock, ("vcan", name))
     else:
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -82,11 +82,10 @@ def open_wire(number: int) -> Wire:
     return wire
 
 
-def open_sender(target: Target) -> socket.socket:
+def open_sender(target: Target, *, fd: bool = False) -> socket.socket:
     """A socket whose datagrams arrive at the wire."""
     if target[0] == "vcan":
-        sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-        sock.bind((target[1],))
+        sock = _can_socket(str(target[1]), fd=fd)
     else:
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         sock.connect(("127.0.0.1", target[1]))
@@ -118,6 +117,14 @@ def send_paced(targets: list[Target], each: int, period_s: float, count: int, fr
         for sender in senders:
             for datagram in chosen:
                 sender.send(datagram)
+
+
+def _can_socket(name: str, *, fd: bool) -> socket.socket:
+    sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    sock.bind((name,))
+    if fd:
+        sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+    return sock
 
 
 def _has_can() -> bool:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, decode, physical, raw
+from station.domain.can.signals import FrameLayout, SignalLayout, are_adjacent, decode, physical, raw, words
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import ProductError
 from tests.portion import examples
@@ -125,18 +125,21 @@ def test_a_missing_signal_lists_the_known_ones() -> None:
 @pytest.mark.parametrize("big_endian", [False, True])
 @pytest.mark.parametrize("length", [8, 16, 32])
 @pytest.mark.parametrize("signed", [False, True])
-def test_words_side_by_side_are_read_at_once_as_one_by_one(big_endian: bool, length: int, signed: bool) -> None:
-    data = np.random.default_rng(length).integers(0, 256, (50, 8), dtype=np.uint8)
-    starts = [n * length + (7 if big_endian else 0) for n in range(64 // length)]
+@pytest.mark.parametrize("width", [8, 64])
+def test_words_side_by_side_are_read_at_once_as_one_by_one(
+    big_endian: bool, length: int, signed: bool, width: int
+) -> None:
+    data = np.random.default_rng(length).integers(0, 256, (50, width), dtype=np.uint8)
+    starts = [n * length + (7 if big_endian else 0) for n in range(8 * width // length)]
     signals = [SignalLayout("s", s, length, big_endian, signed, scale=0.1, offset=-0.5) for s in starts]
-    together = adjacent_words(data, signals)
-    assert together is not None
+    assert are_adjacent(signals)
     one_by_one = np.stack([physical(raw(data, s), s) for s in signals], axis=1)
-    np.testing.assert_array_equal(physical(together, signals[0]), one_by_one)
+    for first in (0, 1):
+        together = words(data, signals[first], len(signals) - first)
+        np.testing.assert_array_equal(physical(together, signals[0]), one_by_one[:, first:])
 
 
 def test_signals_of_different_scale_place_or_kind_are_not_read_at_once() -> None:
-    data = np.zeros((3, 8), np.uint8)
     word = SignalLayout("x", 0, 16)
     others = [
         SignalLayout("y", 32, 16),
@@ -144,6 +147,6 @@ def test_signals_of_different_scale_place_or_kind_are_not_read_at_once() -> None
         SignalLayout("y", 16, 16, signed=True),
         SignalLayout("y", 16, 8),
     ]
-    assert [adjacent_words(data, [word, other]) for other in others] == [None] * 4
-    assert adjacent_words(data, [SignalLayout("x", 4, 16), SignalLayout("y", 20, 16)]) is None
-    assert adjacent_words(np.zeros((3, 64), np.uint8), [word]) is None
+    assert not any(are_adjacent([word, other]) for other in others)
+    assert not are_adjacent([SignalLayout("x", 4, 16), SignalLayout("y", 20, 16)])
+    assert not are_adjacent([SignalLayout("x", 0, 32, is_float=True), SignalLayout("y", 32, 32, is_float=True)])

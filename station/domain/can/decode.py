@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can import e2e
-from station.domain.can.sample_join import PartFrames, join_messages, key_of_sync
-from station.domain.can.sample_parts import parts_of
+from station.domain.can.sample_join import JoinedReadings, PartFrames, join_messages, key_of_sync
+from station.domain.can.sample_parts import SamplePart
 from station.domain.can.sensor_layout import SYNC, SensorLayout
 from station.domain.can.sequence_counter import CounterErrors, count_errors, counter_steps
-from station.domain.can.signals import FrameLayout, SignalLayout, adjacent_words, physical, raw
+from station.domain.can.signals import FrameLayout, physical, raw, words
 from station.domain.core.types import REMOTE, Array, Floats, Frames, widened
 from station.messages import Message
 
@@ -138,8 +138,6 @@ class DecodedFrames:
 
 #: Columns of `DecodedFrames` that have one row for each decodable frame.
 _ROWS = ("time_ns", "xyz", "counter", "status", "crc_ok", "finite")
-#: Columns of `Samples` that its leading frames bring along.
-_SAMPLE_ROWS = ("time_ns", "counter", "status", "crc_ok", "usable")
 
 
 def decode_samples(frames: Frames, layout: SensorLayout, node: int) -> Samples:
@@ -155,7 +153,7 @@ def decode_frames(frames: Frames, layout: SensorLayout, node: int) -> DecodedFra
     return _decoded(
         frames,
         whole,
-        _physical(whole.data, layout.axes),
+        _physical(whole.data, layout),
         layout,
         node,
         wrong_length_ns=wrong_length_ns,
@@ -193,64 +191,68 @@ def _decoded(
 
 def _decode_parts(frames: Frames, layout: SensorLayout, node: int) -> DecodedFrames:
     """Readings whose axes come in several messages, by turns in one, or several to a frame."""
-    parts, wrong, remote = parts_of(layout), [], []
-    messages: dict[str, Frames] = {}
-    for message in layout.messages:
-        whole, wrong_length_ns, remote_ns = _well_formed(frames, message, layout.id_of(message, node))
-        messages[message.name] = whole
-        wrong.append(wrong_length_ns)
-        remote.append(remote_ns)
-    found, lead = [], messages[layout.sample.name]
-    for number, part in enumerate(parts):
-        whole = messages[part.message.name]
-        if (present := part.present(whole.data)) is not None:
-            whole = whole[present]
-        if not number:
-            lead = whole
-        found.append(PartFrames(whole.time_ns, part.readings(whole.data, layout.samples_a_frame), part.key(whole.data)))
+    messages, wrong_length_ns, remote_ns = _well_formed_all(frames, layout, node)
+    wholes = [_present(messages[part.message.name], part) for part in layout.parts]
+    readings = [part.readings(w.data, layout.samples_a_frame) for part, w in zip(layout.parts, wholes, strict=True)]
     decoded = _decoded(
-        frames,
-        lead,
-        found[0].readings,
-        layout,
-        node,
-        wrong_length_ns=np.sort(np.concatenate(wrong)),
-        remote_ns=np.sort(np.concatenate(remote)),
+        frames, wholes[0], readings[0], layout, node, wrong_length_ns=wrong_length_ns, remote_ns=remote_ns
     )
+    keys = [
+        decoded.counter if part.counter is layout.counter else part.key(whole.data)
+        for part, whole in zip(layout.parts, wholes, strict=True)
+    ]
+    found = tuple(map(PartFrames, [whole.time_ns for whole in wholes], readings, keys))
     sync = frames.time_ns[frames.can_id == np.uint32(SYNC)] if layout.joined_by == "sync" else decoded.sync_ns
-    return replace(decoded, parts=tuple(found), sync_ns=sync)
+    return replace(decoded, parts=found, sync_ns=sync)
+
+
+def _present(whole: Frames, part: SamplePart) -> Frames:
+    """The frames of a message that carry a part."""
+    present = part.present(whole.data)
+    return whole if present is None else whole[present]
 
 
 def check_sequence(decoded: DecodedFrames, layout: SensorLayout) -> Samples:
     """The frames as a sequence: which of them say something new, and what is wrong with it."""
     counter = decoded.counter if layout.counts_readings else None
     usable, counted = _check_counter(decoded.time_ns, counter, decoded.crc_ok, layout.frame_counter_values)
+    joined = _join(decoded, layout) if decoded.parts else None
+    xyz = decoded.xyz if joined is None else joined.readings.reshape(-1, 3)
+    finite = decoded.finite if joined is None else _finite(xyz, layout)
     wrong_length, remote = len(decoded.wrong_length_ns), len(decoded.remote_ns)
     errors = FrameErrors(
         frames=len(decoded.time_ns) + wrong_length + remote,
         wrong_length=wrong_length,
         remote=remote,
         crc_errors=int(np.count_nonzero(~decoded.crc_ok)),
-        not_finite=int(np.count_nonzero(~decoded.finite)),
+        not_finite=int(np.count_nonzero(~finite)),
+        incomplete=0 if joined is None else joined.gaps,
         readings_each=layout.samples_a_frame,
         counter=counted,
     )
-    samples = Samples(
-        time_ns=decoded.time_ns,
-        xyz=decoded.xyz,
-        counter=counter,
-        status=decoded.status,
-        crc_ok=decoded.crc_ok,
-        usable=usable & decoded.finite,
+    columns: dict[str, Any] = {
+        "time_ns": decoded.time_ns,
+        "counter": counter,
+        "status": decoded.status,
+        "crc_ok": decoded.crc_ok,
+        "usable": usable,
+    }
+    if joined is not None and joined.rows is not None:
+        columns = {name: None if column is None else column[joined.rows] for name, column in columns.items()}
+    if layout.samples_a_frame > 1:
+        columns = _several_each(columns, layout)
+    columns["usable"] = columns["usable"] & finite
+    return Samples(
+        xyz=xyz,
         temperature_time_ns=decoded.temperature_time_ns,
         temperature_degC=decoded.temperature_degC,
         frame_errors=errors,
+        **columns,
     )
-    return _put_together(samples, decoded, layout) if decoded.parts else samples
 
 
-def _put_together(samples: Samples, decoded: DecodedFrames, layout: SensorLayout) -> Samples:
-    """The readings of several messages as one each, and those of one frame as several."""
+def _join(decoded: DecodedFrames, layout: SensorLayout) -> JoinedReadings:
+    """The readings of several messages as one each."""
     parts, by = decoded.parts, layout.joined_by
     if by != "counter":
         keys = [None if by == "time" else key_of_sync(p.time_ns, decoded.sync_ns) for p in parts]
@@ -258,35 +260,20 @@ def _put_together(samples: Samples, decoded: DecodedFrames, layout: SensorLayout
     join_rule = layout.map.join
     within_ns = None if join_rule is None or join_rule.within_s is None else join_rule.within_s * 1e9
     values = layout.frame_counter_values if by == "counter" else 2
-    joined = join_messages(parts[0], parts[1:], within_ns, values)
-    if joined.rows is not None:
-        samples = _of_rows(samples, joined.rows)
-    xyz = joined.readings.reshape(-1, 3)
-    finite = _finite(xyz, layout)
-    errors = replace(samples.frame_errors, incomplete=joined.gaps, not_finite=int(np.count_nonzero(~finite)))
-    if layout.samples_a_frame > 1:
-        samples = _several_each(samples, layout)
-    return replace(samples, xyz=xyz, usable=samples.usable & finite, frame_errors=errors)
+    return join_messages(parts[0], parts[1:], within_ns, values)
 
 
-def _of_rows(samples: Samples, rows: NDArray[np.intp]) -> Samples:
-    """Some of the leading frames; their readings are still to come."""
-    columns = {name: column[rows] for name in _SAMPLE_ROWS if (column := getattr(samples, name)) is not None}
-    return replace(samples, **columns)
-
-
-def _several_each(samples: Samples, layout: SensorLayout) -> Samples:
+def _several_each(columns: dict[str, Any], layout: SensorLayout) -> dict[str, Any]:
     """What each of the readings of a frame takes over from it; its time is that of the last one."""
-    each, time_ns = layout.samples_a_frame, samples.time_ns
+    each, time_ns, status = layout.samples_a_frame, columns["time_ns"], columns["status"]
     back = (np.arange(each) - (each - 1)) * _sample_period_ns(time_ns, layout)
-    return replace(
-        samples,
-        time_ns=(time_ns[:, None] + np.rint(back).astype(np.int64)).ravel(),
-        counter=_counted_each(samples.counter, each),
-        status=None if samples.status is None else np.repeat(samples.status, each),
-        crc_ok=np.repeat(samples.crc_ok, each),
-        usable=np.repeat(samples.usable, each),
-    )
+    return {
+        "time_ns": (time_ns[:, None] + np.rint(back).astype(np.int64)).ravel(),
+        "counter": _counted_each(columns["counter"], each),
+        "status": None if status is None else np.repeat(status, each),
+        "crc_ok": np.repeat(columns["crc_ok"], each),
+        "usable": np.repeat(columns["usable"], each),
+    }
 
 
 def _sample_period_ns(time_ns: NDArray[np.int64], layout: SensorLayout) -> float:
@@ -308,11 +295,11 @@ def _inside(time_ns: NDArray[np.int64], from_ns: int, to_ns: int) -> NDArray[np.
     return np.asarray((time_ns >= from_ns) & (time_ns < to_ns))
 
 
-def _physical(data: NDArray[np.uint8], axes: tuple[SignalLayout, ...]) -> Floats:
+def _physical(data: NDArray[np.uint8], layout: SensorLayout) -> Floats:
     """Physical values (n, 3); all at once where the axes lie side by side and mean the same."""
-    together = adjacent_words(data, axes)
-    if together is not None:
-        return np.asarray(physical(together, axes[0]), np.float64)
+    axes = layout.axes
+    if layout.axes_are_adjacent:
+        return np.asarray(physical(words(data, axes[0], len(axes)), axes[0]), np.float64)
     return np.asarray(np.stack([physical(raw(data, axis), axis) for axis in axes], axis=1), np.float64)
 
 
@@ -328,6 +315,25 @@ def _well_formed(
     remote_ns = none if mine == len(frames) else frames.time_ns[frames.can_id == np.uint32(can_id | REMOTE)]
     whole = frames if good == len(frames) else frames[right]
     return widened(whole, layout.length), wrong_length_ns, remote_ns
+
+
+def _well_formed_all(
+    frames: Frames, layout: SensorLayout, node: int
+) -> tuple[dict[str, Frames], NDArray[np.int64], NDArray[np.int64]]:
+    """The same for every message of a reading, by name; times in their order."""
+    ids = [layout.id_of(message, node) for message in layout.messages]
+    rights = [
+        np.flatnonzero((frames.can_id == np.uint32(can_id)) & (frames.length == message.length))
+        for message, can_id in zip(layout.messages, ids, strict=True)
+    ]
+    whole = {m.name: widened(frames[rows], m.length) for m, rows in zip(layout.messages, rights, strict=True)}
+    if sum(map(len, rights)) == len(frames):
+        return whole, frames.time_ns[:0], frames.time_ns[:0]
+    address = frames.can_id & ~np.uint32(REMOTE)
+    others = np.isin(address, ids)
+    others[np.concatenate(rights)] = False
+    is_remote = (frames.can_id & np.uint32(REMOTE)) != 0
+    return whole, frames.time_ns[others & ~is_remote], frames.time_ns[others & is_remote]
 
 
 def _finite(xyz: Floats, layout: SensorLayout) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.can import e2e
-from station.domain.can.sample_parts import SamplePart, parts_of
+from station.domain.can.sample_parts import SamplePart
 from station.domain.can.sensor_layout import SensorLayout
 from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import Array, Floats, Frames
@@ -93,7 +93,7 @@ def sample_frames(
         np.broadcast_to(np.asarray(given), len(time_ns))[each - 1 : count * each : each]
         for given in (status, temperature_degC)
     )
-    sent = [_part_frames(layout, node, part, times, readings, counted, flags, shown) for part in parts_of(layout)]
+    sent = [_part_frames(layout, node, part, times, readings, counted, flags, shown) for part in layout.parts]
     if len(sent) == 1:
         return sent[0]
     frames = Frames.join(sent)
@@ -112,7 +112,7 @@ def _part_frames(
 ) -> Frames:
     """Frames (n) of one part of the readings (n, k, 3)."""
     roles, lead = layout.map.sample, part.message.name == layout.sample.name
-    values: dict[str, Array] = {signal.name: readings[:, place, axis] for place, axis, signal in part.cells}
+    values: dict[str, Array] = {signal.name: readings[:, cell // 3, cell % 3] for cell, signal in part.cells}
     values |= {signal.name: np.full(len(time_ns), shown[0]) for signal, shown in part.selectors}
     if part.counter is not None:
         values[part.counter.name] = counter

@@ -7,7 +7,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from station.domain.can.signals import FrameLayout, SignalLayout
+from station.domain.can.sample_parts import Cell, SamplePart, part_of
+from station.domain.can.signals import FrameLayout, SignalLayout, are_adjacent
 from station.domain.core.types import EXTENDED
 from station.domain.recipe.fields import Name, Positive, StrictModel
 from station.errors import InvalidValue, ProductError
@@ -164,12 +165,30 @@ class SensorLayout:
         return len(self.map.sample.axes[0])
 
     @cached_property
+    def axes_are_adjacent(self) -> bool:
+        """Whether the axes are decoded at once."""
+        return are_adjacent(self.axes)
+
+    @cached_property
     def is_plain(self) -> bool:
         """One message that is always there is one reading of three axes."""
         axes = self.axes
         return (
             not self.others and self.samples_a_frame == 1 and len(axes) == 3 and all(a.selector is None for a in axes)
         )
+
+    @cached_property
+    def parts(self) -> tuple[SamplePart, ...]:
+        """What of a reading comes together, that which gives it its time first."""
+        groups: dict[tuple[str, str | None, tuple[int, ...]], list[Cell]] = {}
+        for axis, names in enumerate(self.map.sample.axes):
+            for place, name in enumerate(names):
+                message, _ = self.map.sample.place(name)
+                signal = self.signal(name)
+                groups.setdefault((message, signal.selector, signal.selected_by), []).append((3 * place + axis, signal))
+        ordered = sorted(groups.items(), key=lambda item: item[0][0] != self.sample.name)
+        messages = [(self.message(name), cells) for (name, _, _), cells in ordered]
+        return tuple(part_of(message, cells, self.counter_of(message)) for message, cells in messages)
 
     def signal(self, name: str) -> SignalLayout:
         """The signal that a name of the frame map means. Errors: ProductError."""

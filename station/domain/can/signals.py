@@ -99,19 +99,22 @@ def raw(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     return bits
 
 
-def adjacent_words(data: NDArray[np.uint8], signals: Sequence[SignalLayout]) -> Array | None:
-    """Raw values (n, m) of m signals that are whole words of one meaning, one behind the other: nothing is copied.
-
-    None where they lie or mean otherwise.
-    """
+def are_adjacent(signals: Sequence[SignalLayout]) -> bool:
+    """Whether signals are whole words of one meaning, one behind the other, in the order given."""
     first = signals[0]
-    if not _whole_words(data, first) or first.is_float:
-        return None
+    if not _is_whole_word(first) or first.is_float:
+        return False
+    meaning = _meaning(first)
+    return all(
+        signal.first_bit == first.first_bit + place * first.length and _meaning(signal) == meaning
+        for place, signal in enumerate(signals)
+    )
+
+
+def words(data: NDArray[np.uint8], first: SignalLayout, count: int) -> Array:
+    """Raw values (n, count) of adjacent signals that begin with `first`; nothing is copied."""
     start = first.first_bit // first.length
-    for place, signal in enumerate(signals):
-        if (signal.first_bit, *_meaning(signal)) != ((start + place) * first.length, *_meaning(first)):
-            return None
-    return _words(data, first)[:, start : start + len(signals)]
+    return _words(data, first)[:, start : start + count]
 
 
 def physical(values: Array, signal: SignalLayout) -> Array:
@@ -139,7 +142,7 @@ def physical(values: Array, signal: SignalLayout) -> Array:
 def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     """The signal's bits as integers (n), extended by sign: shifted up against the word's end, then down again."""
     kind = np.int64 if signal.signed and not signal.is_float else np.uint64
-    if _whole_words(data, signal):
+    if _is_whole_word(signal):
         return _words(data, signal)[:, signal.first_bit // signal.length].astype(kind)
     first, skip = (0, signal.first_bit) if data.shape[1] == 8 else divmod(signal.first_bit, 8)
     window = _window(data, first)
@@ -161,15 +164,15 @@ def _bits(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
     return bits
 
 
-def _whole_words(data: NDArray[np.uint8], signal: SignalLayout) -> bool:
-    """Whether the signal is a word of its own in a classic payload."""
-    return data.shape[1] == 8 and signal.length in (8, 16, 32, 64) and signal.first_bit % signal.length == 0
+def _is_whole_word(signal: SignalLayout) -> bool:
+    """Whether the signal is a word of its own in the payload."""
+    return signal.length in (8, 16, 32, 64) and signal.first_bit % signal.length == 0
 
 
 def _words(data: NDArray[np.uint8], signal: SignalLayout) -> Array:
-    """The payloads as words of the signal's kind (n, 8 bytes / its length)."""
+    """Payloads of 8 or 64 bytes as words of the signal's kind (n, width / its length)."""
     order, kind = ">" if signal.big_endian else "<", "i" if signal.signed and not signal.is_float else "u"
-    return _window(data, 0).view(f"{order}{kind}{signal.length // 8}")
+    return np.ascontiguousarray(data).view(f"{order}{kind}{signal.length // 8}")
 
 
 def _meaning(signal: SignalLayout) -> tuple[float, ...]:
