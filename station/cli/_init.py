@@ -22,7 +22,7 @@ from station.domain.product.draft.recipe_text import recipe_text
 from station.errors import InputError, ProductError, UsageError
 from station.messages import Message, render, system_reason
 from station.wiring.jobs import load_job
-from station.wiring.product_files import object_titles, read_dictionary, read_layouts
+from station.wiring.product_files import OTHER_FORMATS, object_titles, read_dictionary, read_layouts
 
 SCHEMA = "station.init/1"
 #: The product that a draft from nothing is a copy of, and the shipped recipe of each kind of sensor.
@@ -185,14 +185,15 @@ def _from_files(request: InitRequest) -> DraftFiles:
     temperature = frame_roles.temperature_of(layouts, roles)
     read_layouts(request.dbc, frame_roles.proposed_signals(roles, temperature))  # a mistake is one of the given file
     node = FIRST_NODE if eds is None else roles.node  # without a node id the first nest has the DBC's own identifiers
-    draft = ProductDraft(request.name, roles, node, temperature, eds, objects, source, pdo, offsets)
+    suffix = request.dbc.suffix.lower() if request.dbc.suffix.lower() in OTHER_FORMATS else ".dbc"
+    draft = ProductDraft(request.name, roles, node, temperature, eds, objects, source, pdo, offsets, suffix)
     shipped = (OFFSET_RECIPES if draft.offsets_only else RECIPES)[roles.sensor]
     recipe = f"{request.name}-{shipped.removeprefix(f'{roles.sensor}-')}"
     template = (shipped_folder() / "recipes" / f"{shipped}.yaml").read_text(encoding="utf-8")
     unit = frame_roles.unit_of_sensor(roles.sensor)
     texts = {
         Path("dbc") / f"{request.name}.yaml": product_text(draft).encode(),
-        Path("dbc") / f"{request.name}.dbc": request.dbc.read_bytes(),
+        Path("dbc") / f"{request.name}{suffix}": request.dbc.read_bytes(),
         Path("recipes") / f"{recipe}.yaml": recipe_text(draft, template, recipe, unit).encode(),
     }
     if request.eds is not None:

@@ -10,7 +10,7 @@ from station.cli._options import AsJson
 
 def command(
     name: Annotated[str | None, Argument(help="Name of the product; left out: that of the DBC.")] = None,
-    dbc: Annotated[Path | None, Option(help="DBC with the device's readings.")] = None,
+    dbc: Annotated[Path | None, Option(help="DBC, KCD, SYM or ARXML with the device's readings.")] = None,
     eds: Annotated[Path | None, Option(help="Its EDS or DCF, where it has one; alone it drafts the DBC.")] = None,
     sensor: Annotated[
         str | None, Option(help="Kind of sensor: accelerometer, gyroscope, magnetometer, inclinometer.")

@@ -3,5 +3,6 @@
 from station.adapters.canopen.eds import load as read_dictionary
 from station.adapters.canopen.eds import titles as object_titles
 from station.adapters.dbc import read_layouts
+from station.adapters.dbc.other_formats import FORMATS as OTHER_FORMATS
 
-__all__ = ["object_titles", "read_dictionary", "read_layouts"]
+__all__ = ["OTHER_FORMATS", "object_titles", "read_dictionary", "read_layouts"]

@@ -3,8 +3,10 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cantools import database
 
 from station.cli.app import run_command
 from station.config.search_path import shipped_folder
@@ -50,6 +52,19 @@ def test_a_new_product_passes_on_the_rehearsal_bench_by_one_command_and_no_edit(
     assert job.product.map.matrix is not None
     assert (job.product.map.matrix.index, job.product.frames.counter_values) == (0x2101, 15)
     assert "# check" in (here / "dbc" / "new-one.yaml").read_text()
+
+
+@pytest.mark.parametrize("kind", ["kcd", "sym"])
+def test_the_frames_may_be_described_in_another_format(
+    here: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    dbc, eds = renamed(here, "accelerometer")
+    parsed: Any = database.load_file(dbc, sort_signals=None)
+    frames = here / f"maker.{kind.upper()}"
+    frames.write_text(parsed.as_kcd_string() if kind == "kcd" else parsed.as_sym_string(), "utf-8")
+    assert run_command(["init", "--dbc", str(frames), "--eds", str(eds)]) == 0
+    assert capsys.readouterr().out.count("✔ PASS") == 2
+    assert (here / "dbc" / f"maker.{kind}").read_bytes() == frames.read_bytes()
 
 
 def test_it_never_writes_over_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,5 @@
-"""A DBC file → pure layouts. cantools parses it once; rules it lacks are ours; decoding is elsewhere."""
+"""A file that describes frames → pure layouts. cantools parses it once; rules it lacks are ours; decoding is
+elsewhere."""
 
 import logging
 import math
@@ -7,6 +8,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from station.adapters.dbc import other_formats
 from station.adapters.dbc.repair import MOST_REPAIRS, without_fault
 from station.domain.can.dbc_rules import DbcIssue, lint
 from station.domain.can.signals import FrameLayout, SignalLayout
@@ -30,6 +32,8 @@ _MESSAGES = re.compile(r"^[ \t]*BO_\s", re.MULTILINE)
 _STARTS = re.compile(r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)|SG_\s+(?P<signal>\w+))", re.MULTILINE)
 #: A complaint without a word of DBC comes from the inside of the parser.
 _ABOUT_A_DBC = re.compile(r"[A-Z]{2,}|\b(message|signal|value|frame|node|unused|choice)s?\b")
+#: What the parser puts into a line to show the place, whose column it names anyway.
+_HERE = ">>!<<"
 _AT_LINE = re.compile(r"at line (\d+)")
 
 
@@ -38,16 +42,17 @@ Used = Mapping[str, Collection[str]]
 
 
 def read_layouts(path: Path, used: Used | None = None) -> Mapping[str, FrameLayout]:
-    """All messages of a DBC by name, in the order of the file.
+    """All messages of a DBC, KCD, SYM or ARXML by name, in the order of the file.
 
     used: only these are checked, and what the parser refuses elsewhere is left out; None: everything is checked.
     Errors: ProductError with file, line, message, signal and remedy of each mistake.
     """
     text = _text(path)
-    count = sum(1 for _ in _DEFINITIONS.finditer(text)) + sum(len(m[1].split()) for m in _NODES.finditer(text))
-    if count > MOST_DEFINITIONS:
+    other = path.suffix.lower() in other_formats.FORMATS
+    if (count := _definitions(text, other=other)) > MOST_DEFINITIONS:
         raise ProductError("dbc-too-many-definitions", file=str(path), count=count, limit=MOST_DEFINITIONS)
-    layouts = [_frame(m, used) for m in _messages(path, text, used)]
+    messages = other_formats.read_messages(path, text, used) if other else _messages(path, text, used)
+    layouts = [_frame(m, used) for m in messages]
     issues = lint(layouts, used)
     if issues:
         reasons = [_issue_message(text, issue) for issue in issues[:MOST_FINDINGS]]
@@ -55,6 +60,12 @@ def read_layouts(path: Path, used: Used | None = None) -> Mapping[str, FrameLayo
             reasons.append(Message("more-mistakes", count=len(issues) - MOST_FINDINGS))
         raise ProductError("document-mistakes", file=str(path), mistakes=reasons)
     return {layout.name: layout for layout in layouts}
+
+
+def _definitions(text: str, *, other: bool) -> int:
+    if other:
+        return sum(1 for _ in other_formats.DEFINITIONS.finditer(text))
+    return sum(1 for _ in _DEFINITIONS.finditer(text)) + sum(len(m[1].split()) for m in _NODES.finditer(text))
 
 
 def _text(path: Path) -> str:
@@ -85,7 +96,7 @@ def _messages(path: Path, text: str, used: Used | None) -> list[Any]:
         except Error as error:
             if not _MESSAGES.search(text):
                 raise ProductError("dbc-no-message", file=str(path)) from None
-            why = str(getattr(error, "e_dbc", error))
+            why = str(getattr(error, "e_dbc", error)).replace(_HERE, "")
             remaining = None if used is None or remaining is None else without_fault(remaining, why, used.keys())
             if remaining is None:
                 raise ProductError(_syntax_error(path, text, why)) from None
@@ -161,6 +172,9 @@ def _line_of(text: str, issue: DbcIssue) -> int:
             message = start["message"]
         if message == issue.message and start["signal"] == issue.signal:
             line = _line(text, start.end())
+    if not message:  # not a DBC: where the name is met first
+        named = re.search(rf"\b{re.escape(issue.signal or issue.message)}\b", text)
+        line = line if named is None else _line(text, named.start())
     return line
 
 

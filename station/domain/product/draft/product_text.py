@@ -33,7 +33,7 @@ _WORDS = ("true", "false", "null", "none")
 @dataclass(frozen=True, slots=True)
 class ProductDraft:
     """What a product file is written from. node: whose identifiers the DBC has; eds: None where there is none; source:
-    the files, in words; pdo, axis_offsets: None where the EDS offers none."""
+    the files, in words; pdo, axis_offsets: None where the EDS offers none; frames_suffix: of the copy of the DBC."""
 
     name: str
     roles: FrameRoles
@@ -44,6 +44,7 @@ class ProductDraft:
     source: str
     pdo: ReadingsPdo | None = None
     axis_offsets: AxisOffsets | None = None
+    frames_suffix: str = ".dbc"
 
     @property
     def stores(self) -> bool:
@@ -96,7 +97,7 @@ def _head(draft: ProductDraft) -> Iterator[str]:
 def _frames(draft: ProductDraft) -> Iterator[str]:
     roles = draft.roles
     yield "frames:"
-    yield f"  dbc: {draft.name}.dbc"
+    yield f"  dbc: {draft.name}{draft.frames_suffix}"
     yield f"  node_of_dbc: {draft.node}  # check: frames of node n have the DBC's identifiers - {draft.node} + n"
     named = [f"{axis}: {scalar(place)}" for axis, place in zip("xyz", roles.places(), strict=True) if place]
     if roles.counter is not None:
