@@ -23,8 +23,10 @@ from station.wiring.accounts import change_account, known_seal
 from station.wiring.alerts import watching_in_background
 from station.wiring.jobs import load_job
 from station.wiring.logs import check_is_log, open_log, plant_address
+from station.wiring.nest_listener import listening_in_background
 from station.wiring.page_seals import sealing_in_background
 from station.wiring.rehearsal import is_rehearsal
+from station.wiring.run_order import RunOrder
 from station.wiring.shipping import shipping_in_background
 
 #: Of a password for a script that gave none; it is shown once, when it is in force.
@@ -169,15 +171,25 @@ def serve(where: PanelFiles, listen: ListenAddress, *, pace: float | None, fault
     # Ctrl-C is the way to stop it, and no failure.
     watched = watching_in_background(order.database, where.config, settings)
     sealed = sealing_in_background(order.database, settings, people)
+    heard = listening_in_background(_listened_to(order), settings)
     with (
         serving(order.database),
         shipping_in_background(order.database, settings),
         watched,
         sealed,
+        heard,
         suppress(KeyboardInterrupt),
     ):
         _serve(panel, listen)
     return 0
+
+
+def _listened_to(order: LaunchOptions) -> RunOrder:
+    """The units that a run of the page would find."""
+    memory = Path(f"{order.database}.devices") if order.simulate and not order.rehearsal else None
+    return RunOrder(
+        order.recipe, order.config, order.database, order.simulate, faults=order.faults, device_state=memory
+    )
 
 
 def _serve(panel: Panel, listen: ListenAddress) -> None:

@@ -13,7 +13,8 @@ class Companion(StrEnum):
 
     LIVE = ".live.json"  # station.live/1, by the run: what goes on
     ANSWER = ".answer.json"  # station.answer/1, by the page: the mark of the confirmed question
-    QUEUE = ".queue.json"  # station.queue/1, by the page: units of the next load
+    QUEUE = ".queue.json"  # station.queue/1, by the page: units of the loads to come
+    READINGS = ".readings.json"  # station.readings/1, by the page's listener: what the units in the nests send
     PRESENCE = ".panel.lock"  # shared lock of every page that serves this log
     OWNER = ".lock"  # lock of the run that writes the log
     STOP = ".stop"  # datagram socket of the run: whoever may write to it may stop it

@@ -1,7 +1,10 @@
-"""Units scanned and not yet in work, nest by nest; kept in a file, so that a page started again forgets none."""
+"""Units scanned and not yet in work: those of the next load nest by nest, behind them those of later loads in order.
+
+Kept in a file, so that a page started again forgets none.
+"""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Lock
@@ -27,19 +30,20 @@ class WaitingUnit:
 class QueueState:
     """waiting: nest → unit of the next load. handed: what was handed to the run `pid`, which has not begun it yet.
 
-    cleared: the newest loads whose verdicts a person has dealt with; binned: the load whose failed units are in the red
-    bin.
+    later: serials of the loads after the next, in the order scanned; cleared: the newest loads whose verdicts a person
+    has dealt with; binned: the load whose failed units are in the red bin.
     """
 
     waiting: Mapping[str, WaitingUnit]
     handed: Mapping[str, WaitingUnit]
     pid: int = 0
+    later: tuple[str, ...] = ()
     cleared: tuple[str, ...] = ()
     binned: str = ""
 
 
 class LoadQueue:
-    """The units of the next load; safe to call from several threads. Errors: StoreFault, and then nothing changed."""
+    """The units of the loads to come; safe to call from several threads. Errors: StoreFault; then nothing changed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -65,6 +69,11 @@ class LoadQueue:
         """Nest → unit with which a run was started that has not begun yet."""
         return dict(self._current.handed)
 
+    @property
+    def later(self) -> tuple[str, ...]:
+        """Serials of the loads after the next, in the order in which they take their nests."""
+        return self._current.later
+
     def is_cleared(self, load: str) -> bool:
         """Whether a person has dealt with the verdicts of that load."""
         return load in self._current.cleared
@@ -84,26 +93,35 @@ class LoadQueue:
         """That unit waits no more."""
         with self._turn:
             now = self._current
-            self._keep(replace(now, waiting={n: w for n, w in now.waiting.items() if w.serial != serial}))
+            waiting = {n: w for n, w in now.waiting.items() if w.serial != serial}
+            self._keep(replace(now, waiting=waiting, later=tuple(s for s in now.later if s != serial)))
 
     def serials(self) -> list[str]:
         """Every serial that waits."""
-        return [w.serial for w in self._current.waiting.values()]
+        return [*(w.serial for w in self._current.waiting.values()), *self._current.later]
 
     def put(self, units: Mapping[str, WaitingUnit]) -> None:
-        """Adds units, each in a nest that is free."""
+        """Adds units, each in its nest; whoever waited for that nest is the first of the load after."""
         with self._turn:
-            self._keep(replace(self._current, waiting={**self._current.waiting, **units}))
+            self._keep(_seated(self._current, units))
+
+    def append(self, serial: str) -> None:
+        """A unit of a load after the next."""
+        with self._turn:
+            self._keep(replace(self._current, later=(*self._current.later, serial)))
 
     def clear(self) -> None:
         """Nothing waits any more."""
         with self._turn:
-            self._keep(replace(self._current, waiting={}))
+            self._keep(replace(self._current, waiting={}, later=()))
 
-    def hand_over(self, pid: int) -> None:
-        """All that waits was handed to the run `pid`."""
+    def hand_over(self, pid: int, nests: Sequence[str] = ()) -> None:
+        """All of the next load was handed to the run `pid`; the first of the later ones take its place in the nests."""
         with self._turn:
-            self._keep(replace(self._current, waiting={}, handed=self._current.waiting, pid=pid))
+            now = self._current
+            waiting = {nest: WaitingUnit(serial) for nest, serial in zip(nests, now.later, strict=False)}
+            later = now.later[len(waiting) :]
+            self._keep(replace(now, waiting=waiting, later=later, handed=now.waiting, pid=pid))
 
     def settle(self, begun: int | None, running: int | None) -> None:
         """Lets go of what a run has begun, and takes back what it ended without beginning.
@@ -117,7 +135,7 @@ class LoadQueue:
             if begun == now.pid:
                 self._keep(replace(now, handed={}, pid=0))
             elif running != now.pid:
-                self._keep(replace(now, waiting={**now.handed, **now.waiting}, handed={}, pid=0))
+                self._keep(replace(_seated(now, now.handed), handed={}, pid=0))
 
     def _keep(self, lists: QueueState) -> None:
         """Writes the file whole or not at all, then takes the change over."""
@@ -126,6 +144,14 @@ class LoadQueue:
         except OSError as exc:
             raise StoreFault("queue-not-written", path=str(self._path), reason=system_reason(exc)) from exc
         self._stamp, self._state = _file_stamp(self._path), lists
+
+
+def _seated(now: QueueState, units: Mapping[str, WaitingUnit]) -> QueueState:
+    """With units in their nests, before whoever waited for these; none of them waits for a later load any more."""
+    seated = {w.serial for w in units.values()}
+    displaced = (w.serial for nest, w in now.waiting.items() if nest in units)
+    later = tuple(s for s in (*displaced, *now.later) if s not in seated)
+    return replace(now, waiting={**now.waiting, **units}, later=later)
 
 
 def _file_stamp(path: Path) -> tuple[int, int] | None:
@@ -145,6 +171,7 @@ def _read(path: Path) -> QueueState:
             {str(n): WaitingUnit(str(w["serial"])) for n, w in document[k].items()} for k in ("waiting", "handed")
         )
         cleared = tuple(str(load) for load in document.get("cleared", ()))
-        return QueueState(waiting, handed, int(document["pid"]), cleared, str(document.get("binned", "")))
+        later = tuple(str(serial) for serial in document.get("later", ()))
+        return QueueState(waiting, handed, int(document["pid"]), later, cleared, str(document.get("binned", "")))
     except (OSError, *NOT_AS_EXPECTED):
         return QueueState({}, {})

@@ -53,7 +53,7 @@ def gather(panel: Panel) -> CollectorRegistry:
     registry = CollectorRegistry()
     shown = panel.screen.shown()
     _gauge(registry, "station_run_active", "1 while a run is under way").set(bool(shown["running"]))
-    _gauge(registry, "station_queue_units", "units scanned and waiting for the start").set(len(panel.queue.waiting))
+    _gauge(registry, "station_queue_units", "units scanned and waiting for the start").set(len(panel.queue.serials()))
     _gauge(registry, "station_units_in_work", "units of the present load without a verdict").set(
         sum(1 for k, v in shown.items() if shown["running"] and k.startswith("nest ") and not v.get("outcome", "-"))
     )

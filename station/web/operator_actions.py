@@ -17,6 +17,8 @@ from station.service import golden_register
 from station.web.panel import Panel
 
 LONGEST_REASON = 200
+#: So many loads may wait behind the next one.
+LOADS_LATER = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +35,11 @@ class PassedAlready(UsageError):
 
 
 def scan(panel: Panel, who: Account, form: ActionForm) -> str:
-    """The serial goes to the first nest that is free in the next load."""
-    _check_fits_load(panel, form.serial)
+    """The serial goes to the first nest that is free in the next load; where none is, to the loads after it. One that
+    waits there is brought forward into a free nest."""
+    nest = _free_nest(panel)
+    if not (nest and form.serial in panel.queue.later):
+        _check_fits_load(panel, form.serial)
     passed = _newest_pass(panel, form.serial)
     if passed is not None:
         raise PassedAlready(
@@ -44,11 +49,10 @@ def scan(panel: Panel, who: Account, form: ActionForm) -> str:
             day=utc(passed.started_ns)[:10],
             nest=passed.nest,
         )
-    nest = _free_nest(panel)
+    _check_room(panel, nest)
     _clear_finished_load(panel)
     panel.journal.add(who.name, "scan", serial=form.serial, nest=nest)
-    panel.queue.put({nest: WaitingUnit(form.serial)})
-    return f"{form.serial}: {nest}"
+    return _queue(panel, form.serial, nest)
 
 
 def take_again(panel: Panel, who: Account, form: ActionForm) -> str:
@@ -59,10 +63,10 @@ def take_again(panel: Panel, who: Account, form: ActionForm) -> str:
         raise UsageError("repeat-reason-length", limit=LONGEST_REASON)
     _check_fits_load(panel, form.serial)
     passed, nest = _newest_pass(panel, form.serial), _free_nest(panel)
+    _check_room(panel, nest)
     of = passed.attempt if passed else ""
     panel.journal.add(who.name, "again", serial=form.serial, nest=nest, reason=form.reason, passed=of)
-    panel.queue.put({nest: WaitingUnit(form.serial)})
-    return f"{form.serial}: {nest}"
+    return _queue(panel, form.serial, nest)
 
 
 def take_out(panel: Panel, who: Account, form: ActionForm) -> str:
@@ -94,13 +98,12 @@ def clear(panel: Panel, who: Account, _form: ActionForm) -> str:
 
 
 def resume(panel: Panel, who: Account, _form: ActionForm) -> str:
-    """The units of the last load that came to no verdict are taken up again, each in its nest."""
+    """The units of the last load that came to no verdict are taken up again, each in its nest; those of the next load
+    wait until they are done."""
     _check_idle(panel)
     unfinished = panel.screen.unfinished()
     if not unfinished:
         raise UsageError("take-up-nothing")
-    if panel.queue.waiting:
-        raise UsageError("take-up-other-load")
     serials_of.check_all(list(unfinished.values()), panel.recipe)
     _clear_finished_load(panel)
     panel.journal.add(who.name, "resume", serials=list(unfinished.values()))
@@ -119,7 +122,7 @@ def start(panel: Panel, who: Account, _form: ActionForm) -> str:
     _check_binned(panel)
     _clear_finished_load(panel)
     panel.journal.add(who.name, "start", serials=list(units.values()), recipe=panel.order.recipe)
-    panel.queue.hand_over(panel.runs.start(units, who.name))
+    panel.queue.hand_over(panel.runs.start(units, who.name), [n.name for n in panel.settings.nests])
     return ", ".join(units.values())
 
 
@@ -168,11 +171,25 @@ def _check_fits_load(panel: Panel, serial: str) -> None:
 
 
 def _free_nest(panel: Panel) -> str:
+    """The nest whose unit is scanned next; '' where the next load is full."""
     waiting = panel.queue.waiting
-    free = next((n.name for n in panel.settings.nests if n.name not in waiting), None)
-    if free is None:
-        raise UsageError("scan-load-full", nests=len(waiting))
-    return free
+    return next((n.name for n in panel.settings.nests if n.name not in waiting), "")
+
+
+def _check_room(panel: Panel, nest: str) -> None:
+    """Errors: UsageError where there is no free nest, and no place behind the next load."""
+    room = LOADS_LATER * len(panel.settings.nests)
+    if not nest and len(panel.queue.later) >= room:
+        raise UsageError("scan-queue-full", count=room)
+
+
+def _queue(panel: Panel, serial: str, nest: str) -> str:
+    """Puts the serial into the nest, or behind the next load where it has none; what the screen says of it."""
+    if not nest:
+        panel.queue.append(serial)
+        return serial
+    panel.queue.put({nest: WaitingUnit(serial)})
+    return f"{serial}: {nest}"
 
 
 def _newest_pass(panel: Panel, serial: str) -> Attempt | None:

@@ -14,6 +14,7 @@ from station.messages import Message
 from station.panel_protocol import timeline
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.live_state import read_live_state, recipe_label
+from station.panel_protocol.nest_readings import NestReading, read_readings
 from station.panel_protocol.queue import LoadQueue
 from station.service.golden_register import standings
 from station.service.shipping import ShippingState, sentence_of
@@ -32,6 +33,8 @@ from station.wiring.shipping import read_statuses
 LIVE_MAX_AGE_S = 0.03
 #: So often the kernel is asked for the state of the bus between runs, s.
 BUS_POLL_S = 0.5
+#: And so often what the units in the nests send before a run, s.
+READINGS_POLL_S = 0.1
 #: And so often how far the plants have the log, s.
 SHIPPING_POLL_S = 2.0
 #: And so often what the watch has found, s.
@@ -53,6 +56,7 @@ class Screen:
         self._watched: tuple[float, Mapping[str, Any] | str] = (-WATCH_POLL_S, "")
         self._golden: tuple[float, str] = (-GOLDEN_POLL_S, "")
         self._settings, self._recipe, self._runs, self._queue = settings, recipe, runs, queue
+        self._heard: tuple[float, Mapping[str, NestReading]] = (-READINGS_POLL_S, {})
         self._between: tuple[float, dict[str, Any]] = (-BUS_POLL_S, {})
         self._path = companion_file(runs.order.database, Companion.LIVE)
         self._stamp: tuple[int, int] | None = None
@@ -175,6 +179,7 @@ class Screen:
             "instruction": state.get("instruction") if mine else None,
             "confirm": {k: state.get(k) or "" for k in ("confirm", "question")} if mine else {},
             "waiting": {nest: w.serial for nest, w in self._queue.waiting.items()},
+            "queue": self._later_loads(),
             "done": state.get("done", 0) if mine or not running else 0,
             "total": state.get("total", 0) if mine or not running else 0,
             "bus": self._bus(mine=mine),
@@ -187,7 +192,7 @@ class Screen:
             "golden": self._golden_problem(),
             "shipping": self._shipping_problem(),
             "watch": self._watch_alerts(),
-            **self._nests(state, running=running, mine=mine),
+            **self._nests(state, ready=view.state == "ready", running=running, mine=mine),
         }
 
     def _notice_load(self, load: str) -> None:
@@ -227,15 +232,29 @@ class Screen:
             return exc.sentence
         return ""
 
-    def _nests(self, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:
+    def _later_loads(self) -> list[list[str]]:
+        """The serials behind the next load, load by load."""
+        later, each = self._queue.later, max(1, len(self._settings.nests))
+        return [list(later[i : i + each]) for i in range(0, len(later), each)]
+
+    def _readings(self) -> Mapping[str, NestReading]:
+        """Nest → what its unit sends before a run, as the listener has heard it."""
+        if time.monotonic() - self._heard[0] > READINGS_POLL_S:
+            self._heard = (time.monotonic(), read_readings(self._runs.order.database, time.time()))
+        return self._heard[1]
+
+    def _nests(self, state: Mapping[str, Any], *, ready: bool, running: bool, mine: bool) -> dict[str, Any]:
         """Each nest under `nest NAME`, and its reading, which changes far more often, under `live NAME`."""
         shown: dict[str, Any] = {}
         for nest in self._settings.nests:
             there = self._nest(nest.name, state, running=running, mine=mine)
             vector = there.pop("vector", None) or ()
             there.pop("noise", None)
-            live = [round(float(v), _DECIMALS) for v in vector] if running and not there.get("outcome") else []
-            shown |= {f"nest {nest.name}": there, f"live {nest.name}": live}
+            live = vector if running and not there.get("outcome") else ()
+            heard = self._readings().get(nest.name) if ready else None
+            if heard is not None and heard.serial == there["serial"]:
+                live = (*heard.vector[:3], *([] if heard.temperature_degC is None else [heard.temperature_degC]))
+            shown |= {f"nest {nest.name}": there, f"live {nest.name}": [round(float(v), _DECIMALS) for v in live]}
         return shown
 
     def _nest(self, name: str, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:

@@ -18,6 +18,8 @@ SIZES = ((1920, 1080), (1280, 800), (390, 844))
 STATES = ("scan", "ready", "running", "act", "done")
 SERIALS = {"A": "SN04417", "B": "SN04418", "C": "SN04419", "D": "SN04420"}
 NEXT = {"A": "SN04421", "B": "SN04422"}
+#: Of the loads after the next.
+LATER = tuple(f"SN044{number}" for number in range(25, 33))
 _BIAS = {"A": 0.012, "B": -0.004, "C": 0.006, "D": -0.009}
 #: The run of these pictures: this process, which holds the log's lock meanwhile.
 _BEGAN_S = 1_795_000_000.0
@@ -31,8 +33,8 @@ class Scene:
     recipe: Recipe
     pid: int
 
-    def show(self, state: str) -> None:
-        """Puts the files into that state."""
+    def show(self, state: str, later: tuple[str, ...] = ()) -> None:
+        """Puts the files into that state. later: serials behind the next load."""
         queue = LoadQueue(companion_file(self.database, Companion.QUEUE))
         queue.clear()
         live = companion_file(self.database, Companion.LIVE)
@@ -44,6 +46,8 @@ class Scene:
         else:
             queue.put({nest: WaitingUnit(serial) for nest, serial in NEXT.items()})
             live.write_text(json.dumps(self.live(state)))
+        for serial in later:
+            queue.append(serial)
 
     @contextmanager
     def running(self) -> Iterator[None]:

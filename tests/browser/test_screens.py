@@ -15,7 +15,7 @@ from tests.browser import likeness
 from tests.browser.chrome import Browser
 from tests.browser.conftest import Site, logging_in
 from tests.browser.judge import judged
-from tests.browser.scenes import SIZES, STATES, Scene
+from tests.browser.scenes import LATER, SIZES, STATES, Scene
 from tests.fakes import fixture_run
 
 LANGUAGES, THEMES = ("en", "de", "zh"), ("light", "dark", "hc")
@@ -54,22 +54,34 @@ def stage(
     open_shared: Callable[..., Browser],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[tuple[Browser, Any]]:
-    """A page in a browser, and what puts it into a state."""
+    """A page in a browser, and what puts it into a state; two loads of the day are in the log."""
     recipe = fixture_run.recipe(tmp_path_factory.mktemp("recipe"), seatings={"turned": TURNED}, runs=RUNS)
-    site = serve_shared("--recipe", recipe)
+    bench = tmp_path_factory.mktemp("bench")
+    for number in (1, 5):
+        serials = [f"SN{number + nest:05}" for nest in range(4)]
+        fixture_run.run(bench, serials, recipe=recipe, faults=("SN00006/stuck-axis:value=1",) if number == 5 else ())
+    site = serve_shared("--recipe", recipe, folder=bench)
     scene = Scene(site.database, load_job(recipe)[0].recipe, os.getpid())
     page = logging_in(open_shared)(site)
 
     held = ExitStack()
 
-    def show(state: str, language: str = "en", theme: str = "light", size: tuple[int, int] = SIZES[0]) -> None:
+    def show(
+        state: str,
+        language: str = "en",
+        theme: str = "light",
+        size: tuple[int, int] = SIZES[0],
+        later: tuple[str, ...] | None = None,
+    ) -> None:
         held.close()
-        scene.show(state)
+        scene.show(state, later if later is not None else LATER if state == "scan" else ())
         if state in ("running", "act"):
             held.enter_context(scene.running())
         page.size(*size)
         page.go(f"{site.url}/?language={language}&theme={theme}")
         page.wait(f"document.body.dataset.state === '{state}' && document.fonts.status === 'loaded'")
+        if state == "ready":  # the listener beside the page has heard every unit
+            page.wait("document.querySelectorAll('.nest .live').length === 4")
         page.script("document.activeElement.blur()")
         page.later(_AT_REST)
 
@@ -111,6 +123,21 @@ def test_every_state_fits_is_accessible_and_looks_as_somebody_has_seen_it(
     assert changed == [], "look at it; `make pictures` takes it over"
 
 
+@pytest.mark.parametrize("state", ["scan", "ready", "running"])
+def test_a_full_queue_finds_room_and_says_when_its_loads_begin(stage: tuple[Browser, Any], state: str) -> None:
+    page, show = stage
+    later = tuple(f"SN05{number}" for number in range(100, 112))
+    for size, language in zip(SIZES, LANGUAGES, strict=True):
+        show(state, language, "light", size, later)
+        assert page.script(_CLIPPED) == [], f"{state}-{language}-{size[0]}"
+        assert page.script("return document.documentElement.scrollHeight") <= size[1] + 1
+        assert "12" in page.script("return document.querySelector('#queue h2').innerText")
+        shown = page.script("return [...document.querySelectorAll('#queue li')].map(n => n.textContent)")
+        for number, row in enumerate(shown):
+            assert row.endswith("".join(later[4 * number : 4 * number + 4]))
+            assert row.count(":") == 1, "when it begins"
+
+
 def test_the_comparison_sees_what_a_person_would_see(stage: tuple[Browser, Any]) -> None:
     page, show = stage
     name = REFERENCE / "running-en-1280.png"
@@ -118,7 +145,7 @@ def test_the_comparison_sees_what_a_person_would_see(stage: tuple[Browser, Any])
         "document.querySelector('#stop').remove()",
         "document.querySelector('[data-nest=B]').remove()",
         "document.querySelector('#stop').style.background = 'white'",
-        "document.querySelector('#task').style.order = 2",
+        "document.querySelector('main').style.direction = 'rtl'",
     ):
         show("running", size=SIZES[1])
         png = page.shot()

@@ -18,6 +18,7 @@ from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.line_adjustment import LineAdjustments
 from station.panel_protocol.line_state import LineCommands, read_line_state
 from station.panel_protocol.live_state import expected_s, recipe_label
+from station.panel_protocol.nest_readings import read_readings
 from station.panel_protocol.owner import owner_pid
 from station.panel_protocol.questions import Questions
 from station.panel_protocol.queue import LoadQueue
@@ -30,6 +31,7 @@ from station.wiring.shipping import read_statuses
 from tests.fakes import fixture_run, logs
 
 JOB, _ = load_job("six-point")
+AT_S = 1_795_000_000.0
 
 
 def screen_of(database: Path) -> Screen:
@@ -41,6 +43,7 @@ READERS: dict[Companion, Callable[[Path], object]] = {
     Companion.LIVE: lambda d: (screen_of(d).shown()["running"], expected_s(d, JOB.recipe)),
     Companion.ANSWER: read_answer,
     Companion.QUEUE: lambda d: LoadQueue(companion_file(d, Companion.QUEUE)).waiting,
+    Companion.READINGS: lambda d: read_readings(d, AT_S),
     Companion.OWNER: owner_pid,
     Companion.LINE: lambda d: (read_line_state(d), LineGlance(d).shown()),
     Companion.LINE_COMMAND: lambda d: LineCommands(d).next(),
@@ -56,6 +59,8 @@ DOCUMENTS: tuple[object, ...] = (
     {"state": {"messages": 5}, "bus": 5, "pid": "x"}, {"pid": -1}, {"pid": 10**30}, {"bus": 5}, {"expected_s": 5},
     {"cells": 5}, {"cells": [5]}, {"schema": "station.line/1", "pid": os.getpid(), "state": 99},
     {"schema": "station.line/1", "pid": os.getpid(), "state": 6, "name": [], "load": {}, "loads": None},
+    {"at_s": AT_S, "nests": 5}, {"at_s": AT_S, "nests": {"A": {"serial": 1, "vector": [10**400]}}}, {"at_s": 10**400},
+    {"waiting": {}, "handed": {}, "pid": 0, "later": 5},
     {"schema": "station.questions/1", "questions": [1]}, {"waiting": [], "handed": 3, "pid": None},
     {"state": {"began_s": 10**400}}, {"recipe": recipe_label(JOB.recipe), "expected_s": [10**400]},
     {"question": {"a": 1}}, {"number": 1, "mode": "produce", "times_s": [5]}, {"number": 1, "mode": []},

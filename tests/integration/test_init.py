@@ -387,11 +387,23 @@ def test_a_device_that_cannot_be_told_to_save_is_not_told(here: Path) -> None:
     assert load_job("recipes/one-six-point.yaml")[0].product.map.save is None
 
 
+@pytest.mark.parametrize("access", ["ro", "const", "*nobody"])
+@pytest.mark.parametrize(("index", "key"), [("1010", "save"), ("1011", "restore"), ("1020", "configuration")])
+def test_a_command_that_nobody_may_write_is_not_given(access: str, index: str, key: str, here: Path) -> None:
+    text = (SHIPPED / "accelerometer.eds").read_text("latin-1")
+    text, count = re.subn(rf"(\[{index}sub1\][^\[]*AccessType=)\w+", rf"\g<1>{access}", text)
+    assert count == 1
+    (here / "maker.eds").write_text(text, "latin-1")
+    words = ["init", "one", "--no-run", "--dbc", str(SHIPPED / "accelerometer.dbc"), "--eds", "maker.eds"]
+    assert run_command(words) == 0
+    assert getattr(load_job("recipes/one-six-point.yaml")[0].product.map, key) is None
+
+
 def test_files_that_contradict_each_other_are_refused_before_anything_is_written(here: Path) -> None:
     dbc, eds = renamed(here, "accelerometer")
     text = eds.read_text("latin-1")
     eds.write_text(re.sub(r"(\[1A00sub5\][^\[]*DefaultValue=0x\w{6})10", r"\g<1>08", text), "latin-1")
     before = set(here.rglob("*"))
-    with pytest.raises(ProductError, match=r"maker\.dbc contradicts the PDO mapping of .*maker\.eds: .* Nothing was"):
+    with pytest.raises(ProductError, match=r"maker\.dbc contradicts the PDO mapping of .*maker\.eds: .*; nothing was"):
         run_command(["init", "new-one", "--dbc", str(dbc), "--eds", str(eds)])
     assert set(here.rglob("*")) == before

@@ -223,7 +223,25 @@ def test_a_stop_ends_the_wait_and_its_units_do_not_mix_with_those_of_the_next_lo
     page.wait_for_end()
     assert page.nest("A")["outcome"] == "ABORTED", "a stop ends the wait for a person"
     assert page.shown("confirm") == {}
-    assert "another load" in page.do("resume")["error"]
-    page.do("clear")
     assert page.do("resume") == {"told": "SN0001"}
-    assert page.nest("A")["scanned"]
+    assert (page.nest("A")["serial"], page.nest("A")["scanned"]) == ("SN0001", True)
+    assert page.shown("queue") == [["SN0002"]], "the next load waits behind those that are measured again"
+
+
+def test_units_beyond_the_next_load_wait_in_a_queue_that_has_an_end(make: Callable[..., Panel]) -> None:
+    page = Page(make(), "operator")
+    nests = [nest.name for nest in page.panel.settings.nests]
+    serials = [f"SN{number:04}" for number in range(1, 4 * len(nests) + 2)]
+    for serial in serials[:-1]:
+        assert "error" not in page.do("scan", serial=serial)
+    assert "wait behind the next load" in page.do("scan", serial=serials[-1])["error"]
+    assert page.shown("view")["state"] == "ready"
+    assert [len(row) for row in page.shown("queue")] == [len(nests)] * 3
+    first = serials[len(nests)]
+    assert "listed twice" in page.do("scan", serial=first)["error"]
+    page.do("take-out", serial=serials[0])
+    assert page.shown("view")["turn"] == nests[0], "the queue moves up with a load, not into a nest by itself"
+    assert page.do("scan", serial=first) == {"told": f"{first}: {nests[0]}"}
+    page.do("start")
+    page.wait_for_end()
+    assert page.shown("waiting") == dict(zip(nests, serials[len(nests) + 1 : 2 * len(nests) + 1], strict=True))

@@ -49,8 +49,32 @@ def test_what_a_run_ended_without_beginning_comes_back(path: Path) -> None:
     queue.hand_over(41)
     queue.put({"B": WaitingUnit("SN9")})
     queue.settle(begun=None, running=None)
-    assert queue.waiting == {"A": WaitingUnit("SN1"), "B": WaitingUnit("SN9")}
-    assert LoadQueue(path).handed == {}
+    assert queue.waiting == {"A": WaitingUnit("SN1"), "B": WaitingUnit("SN2")}, "they lie in their nests"
+    assert (queue.later, LoadQueue(path).handed) == (("SN9",), {})
+
+
+def test_later_loads_move_up_in_the_order_scanned(path: Path) -> None:
+    queue = LoadQueue(path)
+    queue.put({"A": WaitingUnit("SN1"), "B": WaitingUnit("SN2")})
+    for serial in ("SN3", "SN4", "SN5"):
+        queue.append(serial)
+    assert LoadQueue(path).serials() == ["SN1", "SN2", "SN3", "SN4", "SN5"]
+    queue.hand_over(41, ["A", "B"])
+    again = LoadQueue(path)
+    assert again.waiting == {"A": WaitingUnit("SN3"), "B": WaitingUnit("SN4")}
+    assert again.later == ("SN5",)
+    again.take_out("SN5")
+    assert not again.later
+
+
+def test_a_unit_that_is_brought_forward_waits_only_once(path: Path) -> None:
+    queue = LoadQueue(path)
+    queue.append("SN3")
+    queue.append("SN4")
+    queue.put({"A": WaitingUnit("SN4")})
+    assert (queue.waiting, queue.later) == ({"A": WaitingUnit("SN4")}, ("SN3",))
+    queue.clear()
+    assert queue.serials() == []
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ const ScreenView = (() => {
 
   const nestsOf = (state) => begin.nests.map((name) => [name, state[`nest ${name}`] || { serial: "" }]);
   const cellOf = (state, plan) => plan.cells[(state.line || {}).cell] || null;
+  /** How units lie while they are put in: the fixture waits level, as it parks. */
+  const seated = (plan) => plan.cells.find((c) => c.kind === "stop" && c.up === "+z") || plan.cells.find((c) => c.kind === "stop");
   const hand = (cell) => ["turn", "temperature", "motors"].includes(cell.kind);
   const cellName = (cell) => (cell.kind === "stop" ? cell.name : texts[`cell_${cell.kind}`]);
   const isRunning = (state) => state.running;
@@ -41,7 +43,7 @@ const ScreenView = (() => {
       ];
     },
     ready(state, plan) {
-      const first = plan.cells.find((c) => c.kind === "stop");
+      const first = seated(plan);
       return [
         h("h2", {}, fill("ready_units", { units: Object.keys(state.waiting).length })),
         h("p", { class: "lead" }, texts.ready_how),
@@ -146,7 +148,10 @@ const ScreenView = (() => {
     const head = [h("div", { class: "top" }, letter(name), attempt(nest)), serial(nest.serial)];
     if (look === "scan" || look === "ready") {
       const last = nest.last && nest.attempts ? h("p", { class: "past" }, fill("failed_at", { time: moment(nest.last.at_s) }), " ", h("b", {}, nest.last.reason)) : "";
-      return box({}, head, h("p", { class: "good", "data-part": "verdict" }, icon("check"), texts.scanned_in), last, look === "ready" && !last ? stepList(nest, state, plan).node : "", may.run && h("button", { type: "button", class: "out", "data-serial": nest.serial }, texts.take_out));
+      const heard = look === "ready" && hears(name, state), bars = gauges(state.unit), warmth = h("b");
+      if (heard) live[name] = { bars, warmth };
+      const out = may.run && h("button", { type: "button", class: "out", "data-serial": nest.serial }, texts.take_out);
+      return box({}, head, h("p", { class: "good", "data-part": "verdict" }, icon("check"), heard ? texts.in_place : texts.scanned_in), last, heard ? [h("p", { class: "row warmth" }, texts.unit_at, warmth), bars.node] : look === "ready" && !last ? stepList(nest, state, plan).node : "", out);
     }
     if (look === "act") {
       const stops = plan.cells.filter((c) => c.kind === "stop").length;
@@ -196,14 +201,36 @@ const ScreenView = (() => {
     region.style.setProperty("--columns", Math.min(4, begin.nests.length));
     region.toggleAttribute("data-many", many);
     const names = begin.nests.map((name) => `nest ${name}`);
-    const anew = put("nests", [state.view, names.map((n) => state[n]), plan.id, state.unit, state.view.state === "act" && state.done, (state.line || {}).expected_s && state.running], () => nestsOf(state).map(([name, nest]) => nestBox(name, nest, state, plan)));
+    const anew = put("nests", [state.view, names.map((n) => state[n]), plan.id, state.unit, state.view.state === "act" && state.done, (state.line || {}).expected_s && state.running, state.view.state === "ready" && begin.nests.map((n) => hears(n, state))], () => nestsOf(state).map(([name, nest]) => nestBox(name, nest, state, plan)));
     readings(state, plan);
     return anew;
   }
 
+  const hears = (name, state) => (state[`live ${name}`] || []).length > 0;
+
+  /** What is scanned for the loads after the next, each with its time: where the next one is made ready or measured. */
+  function queue(state) {
+    const rows = ["scan", "ready", "running"].includes(state.view.state) ? state.queue : [];
+    byId("queue").hidden = !rows.length;
+    const out = (serial) => may.run && h("button", { type: "button", class: "out", "data-serial": serial, title: texts.take_out, "aria-label": `${texts.take_out} ${serial}` }, icon("cross"));
+    put("queue", [rows], () => [
+      h("h2", {}, texts.queue, h("small", {}, fill("queue_units", { units: rows.flat().length }))),
+      h("ol", {}, rows.map((row) => h("li", {}, h("span", { class: "when" }), row.map((serial) => h("span", { class: "waits" }, h("b", {}, serial), out(serial)))))),
+    ]);
+  }
+
+  /** When the loads of the queue begin, the present or next one ending at ends_s. */
+  function queueTimes(ends_s, each_s, running) {
+    byId("queue").querySelectorAll(".when").forEach((node, i) => say(node, fill("about", { time: moment(ends_s + (i + (running ? 1 : 0)) * each_s) })));
+  }
+
   function readings(state, plan) {
-    const cell = cellOf(state, plan), expected = cell && cell.true, full = 1.2 * Math.max(1e-9, ...plan.cells.flatMap((c) => (c.true || []).map(Math.abs)));
-    for (const [name, { bars }] of Object.entries(live)) bars.show(state[`live ${name}`], expected, full);
+    const cell = state.running ? cellOf(state, plan) : seated(plan), expected = cell && cell.true, full = 1.2 * Math.max(1e-9, ...plan.cells.flatMap((c) => (c.true || []).map(Math.abs)));
+    for (const [name, { bars, warmth }] of Object.entries(live)) {
+      const now = state[`live ${name}`] || [];
+      bars.show(now.slice(0, 3), expected, full);
+      if (warmth) { say(warmth, now.length > 3 ? `${now[3].toFixed(1)} °C` : ""); warmth.parentNode.hidden = now.length < 4; }
+    }
   }
 
   // ---- the foot ------------------------------------------------------------------------------------------------
@@ -247,6 +274,7 @@ const ScreenView = (() => {
       say(byId("left-name"), texts.run_takes); say(byId("left"), clock(total));
       const hands = plan.cells.filter(hand).length, first = plan.cells.findIndex(hand);
       const until = clock(expected.slice(0, Math.max(0, first)).reduce((s, e, i) => s + (hand(plan.cells[i]) ? 0 : e), 0));
+      queueTimes(now_s + total, total, false);
       more(hands ? fill(hands > 1 ? "your_turns" : "your_turn_once", { count: hands, time: until }) : "");
       return;
     }
@@ -257,6 +285,7 @@ const ScreenView = (() => {
     say(byId("left-name"), waits ? texts.left_after : texts.time_left);
     say(byId("left"), cell || at < 0 ? clock(ahead(plan.cells.length)) : clock(0));
     more(waits ? fill("waiting_you", { time: clock(within) }) : turn > 0 ? fill("your_turn_in", { time: clock(ahead(turn)) }) : "");
+    queueTimes(now_s + ahead(plan.cells.length), total, true);
     const track = byId("track");
     if (track) track.style.width = `${Math.min(100, (100 * within) / Math.max(0.1, expected[at] || 1))}%`;
     say(byId("warm"), clock(Math.max(0, (line.warm_until_s || 0) - now_s)));
@@ -285,5 +314,5 @@ const ScreenView = (() => {
     byId("golden").hidden = !state.golden; say(byId("golden"), state.golden ? `⚠ ${state.golden}` : "");
   }
 
-  return { head, task, nests, foot, times, readings, isRunning, may };
+  return { head, task, nests, queue, foot, times, readings, isRunning, may };
 })();

@@ -14,7 +14,7 @@
     body.state = view.state; body.why = view.why; body.running = String(state.running);
     View.head(state);
     const anew = View.task(state, plan);
-    View.nests(state, plan); View.foot(state, plan);
+    View.nests(state, plan); View.queue(state); View.foot(state, plan);
     time();
     const now = `${view.state}/${view.why}/${(state.confirm || {}).question || ""}`;
     if (now !== heard) { if (heard) changed(view); heard = now; }
@@ -62,7 +62,7 @@
       behind = changes.now_s - Date.now() / 1000;
       beat = performance.now();
       const keys = Object.keys(changes).filter((k) => k !== "now_s");
-      if (state.running && keys.every((k) => k.startsWith("live "))) { Object.assign(state, changes); View.readings(state, plan); } else take(changes);
+      if (keys.every((k) => k.startsWith("live ") && (state.running || !changes[k].length === !state[k].length))) { Object.assign(state, changes); View.readings(state, plan); } else take(changes);
     });
     source.addEventListener("beat", () => { beat = performance.now(); });
     source.addEventListener("out", () => { location.href = "/login"; });

@@ -74,7 +74,8 @@ def _of_slopes(readings: Sequence[ObjectEntry], dictionary: ObjectDictionary) ->
     )
     if offsets and all(e.writable for e in offsets):
         return AxisOffsets(offsets, (), operating)
-    stores = (STORE, 1) in dictionary.entries
+    store = dictionary.entries.get((STORE, 1))
+    stores = store is not None and store.writable
     if offsets and commands and stores and all(e.writable for e in commands):
         return AxisOffsets(offsets, commands, operating)
     return None

@@ -200,13 +200,13 @@ def _communication(draft: ProductDraft) -> Iterator[str]:
     """Save, restore, date, serial, event timer: by CiA 301, where the EDS has them."""
     entries = {} if draft.eds is None else draft.eds.entries
     if draft.stores:
-        if (STORE, 1) in entries:
+        if _takes_orders(entries, STORE):
             yield "  save: {index: 0x1010, sub: 1, timeout_s: 5}"
         else:
-            yield "  save: null  # check: the EDS has no 0x1010: what is written must last by itself"
-        if (RESTORE, 1) in entries:
+            yield "  save: null  # check: no 0x1010 in the EDS that may be written: what is written must last by itself"
+        if _takes_orders(entries, RESTORE):
             yield "  restore: {index: 0x1011, sub: 1, timeout_s: 5}"
-        if (CONFIGURATION, 1) in entries and entries[CONFIGURATION, 1].writable:
+        if _takes_orders(entries, CONFIGURATION):
             yield "  configuration: {index: 0x1020}"
     if (IDENTITY, 4) in entries:
         yield r"  serial: {index: 0x1018, sub: 4, kind: number, printed: '(\d+)$'}  # check: SN0042 is 42"
@@ -214,6 +214,11 @@ def _communication(draft: ProductDraft) -> Iterator[str]:
         yield "  serial: label  # the device keeps none"
     yield from _settings(draft)
     yield from _pdo(draft)
+
+
+def _takes_orders(entries: Mapping[tuple[int, int], ObjectEntry], index: int) -> bool:
+    """Whether its first object is there and may be written."""
+    return (index, 1) in entries and entries[index, 1].writable
 
 
 def _offsets_of_axes(draft: ProductDraft, found: AxisOffsets) -> Iterator[str]:
