@@ -13,6 +13,7 @@ from station.messages import Message
 from station.ports.device import Identity
 from station.ports.store import Store
 from station.service import process_data
+from station.service.download import download
 from station.service.flash import read_software_id
 from station.service.station import Job
 from station.service.unit import Address, RunSetting, Unit
@@ -179,10 +180,13 @@ def restore_as_found(unit: Unit, job: Job) -> Message | None:
 
 
 def set_checked(unit: Unit, at: Address, raw: bytes, name: str) -> None:
-    """Writes one object and reads it back. Errors: ReadBackDiffers."""
-    unit.device.download(*at, raw)
+    """Writes one object and reads it back; a device that had to be set pre-operational for it is started again. Errors:
+    those of SDO; ReadBackDiffers."""
+    was_stopped = download(unit, at, raw)
     if (read := unit.device.upload(*at)) != raw:
         raise ReadBackDiffers("setting-differs", unit=unit.label, name=name, read=read.hex(), written=raw.hex())
+    if was_stopped:
+        unit.device.nmt("start")
 
 
 def _changed(device_map: DeviceMap) -> Iterator[Address]:

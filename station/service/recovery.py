@@ -8,6 +8,7 @@ from station.domain.product import writeback
 from station.errors import DeviceRefused, ReadBackDiffers
 from station.messages import Message
 from station.ports.store import SuspectAttempt
+from station.service.download import download
 from station.service.identify import objects_from_text
 from station.service.record import message_entry
 from station.service.station import Job, Station
@@ -76,7 +77,7 @@ def recover(unit: Unit, suspect: SuspectAttempt, station: Station, job: Job, *, 
     save = writeback.save(device_map)
     try:
         if save is not None:
-            unit.device.download(*save.address, save.raw, save.timeout_s)
+            download(unit, save.address, save.raw, save.timeout_s)
     except DeviceRefused as exc:
         station.store.event(suspect.attempt, "recovery-failed", message_entry(exc.message))
         raise

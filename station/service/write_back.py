@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from station.domain.core.types import Calibration
 from station.domain.product import writeback
 from station.domain.product.device_map import DeviceMap
-from station.domain.product.sdo_codes import DEVICE_STATE, address
+from station.domain.product.sdo_codes import address
 from station.domain.product.writeback import ObjectWrite
 from station.domain.run.progress import Event, ObjectWritten
 from station.domain.run.unit_state import UNCERTAIN, UnitState
@@ -22,6 +22,7 @@ from station.errors import (
 from station.messages import Message
 from station.ports.store import WriteRecord
 from station.service import process_data
+from station.service.download import download
 from station.service.identify import check_still_set, objects_to_text, set_compensated
 from station.service.record import message_entry
 from station.service.station import Job, Station
@@ -90,7 +91,7 @@ class WriteBack:
         self._keep((command, "intent", None))
         unit.enter(UnitState.SAVING)
         try:
-            _download(unit, command.address, command.raw, command.timeout_s)
+            download(unit, command.address, command.raw, command.timeout_s)
         except DeviceRefused:
             self._keep((command, "refused", None))
             self._read_state_after_reset()
@@ -157,7 +158,7 @@ class WriteBack:
         """Writes what the log already intends, and reads it back; the fact is kept together with the next intent."""
         unit, following = self._unit, [(w, "intent", None) for w in after]
         try:
-            _download(unit, write.address, write.raw, write.timeout_s)
+            download(unit, write.address, write.raw, write.timeout_s)
         except DeviceRefused:
             self._keep((write, "refused", None))
             raise
@@ -240,18 +241,6 @@ class WriteBack:
         )
 
 
-def _download(unit: Unit, at: Address, raw: bytes, timeout_s: float | None) -> None:
-    """Writes one object. A device that takes it in another state only is asked once more where it sends nothing: it has
-    refused, so nothing is done twice. Errors: those of SDO."""
-    try:
-        unit.device.download(*at, raw, timeout_s)
-    except DeviceRefused as refused:
-        if refused.code != DEVICE_STATE:
-            raise
-        unit.device.nmt("pre-operational")
-        unit.device.download(*at, raw, timeout_s)
-
-
 def flag_last(device_map: DeviceMap, wanted: Mapping[Address, bytes]) -> Sequence[Address]:
     """Coefficients first, the valid flag last: until then the device itself knows that they are not to be used."""
     flag = device_map.valid.address if device_map.valid is not None else None
@@ -262,8 +251,8 @@ def put_back(unit: Unit, unlock: ObjectWrite | None, order: Sequence[Address], w
     """Brings every object of `wanted` to its value; what already holds it is left alone. Errors: those of SDO."""
     different = [at for at in order if unit.device.upload(*at) != wanted[at]]
     if different and unlock is not None:
-        _download(unit, unlock.address, unlock.raw, unlock.timeout_s)
+        download(unit, unlock.address, unlock.raw, unlock.timeout_s)
     for at in different:
-        _download(unit, at, wanted[at], None)
+        download(unit, at, wanted[at])
         if unit.device.upload(*at) != wanted[at]:
             raise StationFault("old-value-not-restored", unit=unit.label, object=address(*at))

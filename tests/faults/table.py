@@ -102,6 +102,8 @@ _SENDING = _rows(
         "",
         NEW,
     ),
+    ("it takes its output switch only while it sends nothing", "device only-idle:index=0x2106", PASS, "", NEW),
+    ("it takes any write only while it sends nothing", "device only-idle", PASS, "", NEW),
     ("its event timer is 0: set for the run", "device holds:index=0x1800,sub=5,value=0", PASS, "", NEW),
     (
         "its event timer is slower than the recipe",

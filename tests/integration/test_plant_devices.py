@@ -6,7 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.domain.run.progress import Event, UnitDone
 from station.errors import ProductError, RecipeError
+from station.service.stop_request import StopRequest
+from station.wiring.bench import Bench
 from station.wiring.jobs import load_job
 from tests.fakes import fixture_run
 from tests.fakes import plant_device as plant
@@ -160,3 +163,17 @@ def test_a_pdo_is_set_up_as_the_map_says_and_put_back(tmp_path: Path) -> None:
     held = ran.memory(SERIAL)
     assert [held[f"1A00:{sub:02X}"] for sub in range(1, 6)] == mapping
     assert (held["1800:01"], held["1800:02"], held["1800:05"]) == (0x191, 254, 0)
+
+
+def test_a_device_that_takes_writes_only_while_it_sends_nothing_is_left_in_the_state_found(tmp_path: Path) -> None:
+    states: list[str] = []
+
+    def look(event: Event, _stop: StopRequest, bench: Bench) -> None:
+        if isinstance(event, UnitDone):
+            bench.station.clock.sleep(1.5)  # its heartbeat says the state
+            states.append(bench.station.device(event.result.seat.node).state())
+
+    ran = fixture_run.run(tmp_path, hook=look, faults=("only-idle",))
+    assert outcome(ran) == ("PASS", [])
+    assert states == ["pre-operational"]
+    assert "not-left-as-found" not in {event["kind"] for event in ran.life(SERIAL)["events"]}

@@ -67,6 +67,14 @@ def refuse(rig: DeviceRig) -> None:
         rig.station.download(0x2106, 0, b"\0")
 
 
+def only_idle(rig: DeviceRig) -> None:
+    rig.station.nmt("start")
+    refuse(rig)
+    rig.station.nmt("pre-operational")
+    rig.station.download(0x2106, 0, b"\0")
+    assert rig.station.upload(0x2106, 0) == b"\0"
+
+
 def wrong_toggle(rig: DeviceRig) -> None:
     with pytest.raises(DeviceSilent, match="1 answer came"):
         rig.station.upload(0x1008, 0)
@@ -298,6 +306,7 @@ CASES: dict[str, Check] = {
     "stale:at=5,times=1": stale_once,
     "wrong-object:index=0x2106,value=0x9999": wrong_object,
     "refuse:index=0x2106,access=write,code=0x08000022": refuse,
+    "only-idle:index=0x2106": only_idle,
     "wrong-toggle": wrong_toggle,
     "lost-segment:index=0x2120,at=3": lost_segment,
     "lost-segment:index=0x2120,at=428": lost_segment,  # the last but one of all

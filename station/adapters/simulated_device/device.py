@@ -151,6 +151,11 @@ class SimulatedDevice:
             self._hear(can_id, data[:length].tobytes())
         self._run(now_s)
 
+    @property
+    def is_operational(self) -> bool:
+        """Whether it sends its readings."""
+        return self.state == OPERATIONAL
+
     def reset(self, *, communication_only: bool = False) -> None:
         """Starts again, as after NMT reset: what was not saved is lost."""
         self._fall_silent()

@@ -16,6 +16,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "stale": "sends the answer to an earlier request once more before the right one",
         "wrong-object": "answers for another object (`value` is its index)",
         "refuse": "refuses with the abort code `code`; `access` (read, write) narrows it",
+        "only-idle": "takes writes only while it is not operational; else it refuses them with 0x08000022",
         "wrong-toggle": "answers a segment with the wrong toggle bit",
         "lost-segment": "loses one segment of a block",
         "twice": "answers every request twice, as two devices with one node id do",

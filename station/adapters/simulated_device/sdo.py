@@ -44,6 +44,10 @@ class Agenda:
 class DeviceControl(Protocol):
     """What the server's faults and commands can do to the device."""
 
+    @property
+    def is_operational(self) -> bool:
+        """Whether it sends its readings."""
+
     def send_answers(self, answers: tuple[bytes, ...], off: int = 0) -> None:
         """Sends answers now; off: by how much the node id in them is wrong."""
 
@@ -125,11 +129,18 @@ class SdoService:
         return lost or self._faults.fires("deaf", about) is not None
 
     def _answers(self, data: bytes, about: SdoRequest) -> tuple[bytes, ...]:
-        refusal = self._faults.fires("refuse", about)
+        refusal = self._refusal(about)
         if refusal and data[0] != sdo.REQUEST_ABORTED:
-            refused = self._server.refuse(data, refusal.code)
+            refused = self._server.refuse(data, refusal)
             return (refused,) if refused else ()
         return self._server.handle(data)
+
+    def _refusal(self, about: SdoRequest) -> int:
+        """Abort code of a request that a fault refuses; 0: none does."""
+        if about.access == "write" and self._device_control.is_operational and self._faults.fires("only-idle", about):
+            return sdo.ABORT_APPLICATION_DEVICE_STATE
+        fault = self._faults.fires("refuse", about)
+        return fault.code if fault else 0
 
     def _flash(self, command: str, about: SdoRequest, answers: tuple[bytes, ...], due_s: float) -> None:
         """Saves or notes the restore, then answers; other requests wait."""
