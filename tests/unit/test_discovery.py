@@ -9,8 +9,9 @@ import pytest
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.discover import _group_terms, discover, is_series
+from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
-from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, search_between
+from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
@@ -115,6 +116,34 @@ def test_a_wave_that_only_follows_a_square_one_leaves_no_noise(edges: bool) -> N
     fit = fit_term(waves, TermSpaces(problem, problem.fit().floor).of(waves))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
     assert is_noise(known, [waves]) != edges
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_term_whose_size_goes_with_another_covariate_leaves_no_noise(hidden: bool) -> None:
+    """Of three covariates a term holds two."""
+
+    def turning(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        drive = 1 + 0.7 * (w.motor / w.motor.mean() - 1) if hidden else 1.0
+        added[:, 0] = w.a[:, 1] * (w.T - 27) * drive * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    warm = Term("other", "temperature", ("x:y",), "common", (("about_degC", 27.0),))
+    table, _ = hide(recipe(), turning, 35, d=16.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    fit = refine(warm, TermSpaces(problem, problem.fit().floor).of(warm))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    assert is_noise(known, [fit.term]) != hidden
+
+
+def test_the_chance_of_the_order_that_speaks_loudest_is_that_of_its_choice() -> None:
+    along = np.random.default_rng(5).standard_normal((4000, 12))
+    chances = np.array([order_chance(row) for row in along])
+    for level in (0.02, 0.1, 0.3):
+        # Five standard deviations of a share; of twelve orders instead of all, a little less often.
+        spread = 5 * np.sqrt(level * (1 - level) / len(chances))
+        assert level - spread - 0.1 * level < np.mean(chances < level) < level + spread
+    assert order_chance(np.array([4.0, 0.0, 0.0])) < order_chance(np.array([0.0, 0.0, 4.0])) < 0.05
 
 
 def test_a_constant_that_no_data_allow_on_half_of_its_range_is_sought_on_the_other() -> None:

@@ -17,7 +17,8 @@ import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
-from station.diagnosis.discovery.pooled_curves import pooled_curves
+from station.diagnosis.discovery.order_selection import along_directions, order_chance
+from station.diagnosis.discovery.pooled_curves import constant_columns, pooled_curves
 from station.diagnosis.discovery.scan import ScannedUnits, scanned_units
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -27,8 +28,8 @@ from station.model.formula.term import Term
 from station.model.forward import sensor_signal
 
 #: By how many standard deviations the whole may be larger than noise makes it, and the chances that any of the patterns
-#: fails, or any curve of a term, or any that all share, where nothing is left.
-MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE, POOLED_CHANCE = 1.8, 0.03, 0.04, 0.02
+#: fails, or any curve of a term, or any that all share, where nothing is left: most where least numbers are free.
+MOST_EXCESS, PATTERN_CHANCE, CURVE_CHANCE, POOLED_CHANCE = 1.8, 0.02, 0.02, 0.1
 #: What was recorded beside the readings is cut into so many groups of as many visits each, and so many along the curve
 #: of a term; units looked at, at most.
 GROUPS, CURVE_GROUPS, MOST_UNITS = 12, (6, 20), 40
@@ -119,9 +120,13 @@ def _pooled_chances(
     are what was accepted last."""
     layout = units.setting.layout
     for item, term in zip(problem.accepted[len(problem.accepted) - len(terms) :], terms, strict=True):
-        for columns in pooled_curves(problem, item, term):
-            white = space.project(layout.columns(layout.keep @ columns[units.stops], None))
-            yield from _chance(white.reshape(1, space.data.size, -1), space)
+        fitted = constant_columns(problem, item, term)
+        for curve in pooled_curves(problem, item, term, COVARIATES):
+            columns = np.concatenate([fitted, curve], axis=2)[units.stops]
+            white = space.project(layout.columns(layout.keep @ columns, None)).reshape(space.data.size, -1)
+            along = along_directions(white, fitted.shape[2], space)
+            if len(along):
+                yield order_chance(along)
 
 
 def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
