@@ -4,8 +4,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL, UNKNOWN_NATS, fit_null, statistic
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL, UNKNOWN_NATS, cache_key, fit_null, statistic
+from station.diagnosis.search.candidate_banks import build_banks
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.rank import variance_surprise
+from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.walk_marginal import WalkMarginal
+from station.domain.recipe.recipe import Recipe
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, hide
+from tests.blind.recipes import six_faces
 
 
 def test_a_cause_that_says_the_same_whatever_is_read_alarms_nobody(rng: np.random.Generator) -> None:
@@ -43,3 +52,19 @@ def test_a_free_variance_surprises_as_the_tail_of_its_ratio_says(gain: float, do
 def test_no_gain_is_beyond_the_scale_of_surprise() -> None:
     assert np.isfinite(variance_surprise(1e6, 300))
     assert variance_surprise(4.0, 300) == 0.0
+
+
+def test_chance_is_kept_for_the_positions_it_was_drawn_for_whatever_the_recipe_is_called() -> None:
+    faces = six_faces("listed", "reversed")
+    other = faces.model_copy(update={"positions": (faces.positions[1], faces.positions[0], *faces.positions[2:])})
+    renamed = faces.model_copy(update={"name": "renamed", "version": 9})
+    assert key_of(faces) != key_of(other)
+    assert key_of(faces) == key_of(renamed)
+
+
+def key_of(recipe: Recipe) -> str:
+    table, _ = hide(recipe, None, 3, units=1, floor=WHITE)
+    problem = initial_problem(reduce_samples(recipe, table), FloorAllowance.of(recipe, Model()))
+    fitted = problem.fit()
+    banks = build_banks(problem.view)
+    return cache_key(problem, fitted, WalkMarginal(score_bank(problem, banks, fitted.floor), (), ()), 1)

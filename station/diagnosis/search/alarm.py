@@ -22,7 +22,9 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 10
+NULL_CACHE_VERSION = 11
+#: What of a recipe the bank is made from: the same name may stand for other positions.
+_DESIGN = {"sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"}
 #: A turn of the visits and a step of the walk below these shares of the noise change nothing that chance does: the turn
 #: adds a hundredth to a variance, the walk as much by the end of a hundred visits.
 LEAST_DETECTED = (0.1, 0.01)
@@ -132,9 +134,8 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     both = zip((floor.turn, floor.walk), LEAST_DETECTED, strict=True)
     relative = [round(2 * float(np.log2(max(x / floor.noise, least)))) for x, least in both]
     shown = [(s.bank.moving, s.readings.size.dof, _candidate_kinds(s)) for s in now.best.projected]
-    return repr(
-        (NULL_CACHE_VERSION, recipe.name, recipe.version, grid.slot.shape, grid.data, grid.k, relative, shown, seed)
-    )
+    design = recipe.model_dump_json(include=_DESIGN)
+    return repr((NULL_CACHE_VERSION, design, grid.slot.shape, grid.data, grid.k, relative, shown, seed))
 
 
 def _candidate_kinds(projected: ProjectedBank) -> list[tuple[str, str, str, int]]:
