@@ -21,6 +21,7 @@ from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
 from station.model.effect import Effect
 from station.model.effects.disturbed_visit import DisturbedVisit
+from station.model.effects.nest_tilt import NestTilt
 from station.model.forward import resting_stimulus
 
 #: The words of `unknown.depends_on`.
@@ -33,7 +34,7 @@ _ACTS_BY = {
     "motor": "motor", "unit": "unit", "group": "group",
 }  # fmt: skip
 #: Covariates of which products are tried two by two.
-FACTORS = ("time", "temperature", "motor", "order", "input")
+FACTORS = ("time", "temperature", "motor", "order", "input", "position")
 #: All kernels.
 KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)))
 #: The kernel of what changes within the dwells.
@@ -44,14 +45,15 @@ LAG, PLAY = 0.3, 0.4
 HALF_WAVES = (range(1, 4), range(1, 11))
 #: Whole waves of what an axis feels from one end to the other, in steps that none falls between.
 INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
-#: Whole waves in a run, in steps that none falls between.
-SWINGS = (1.0, 1.7, 2.5)
+#: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
+#: wave.
+SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
 
 
 def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
     still = (_time, _order, _position, _temperature, _input, _unit, _group, _motor, _products, _swinging_gain)
-    makers = (*still, _phase)
+    makers = (*still, _changing_rig, _phase)
     return [candidate for make in makers for candidate in make(view)]
 
 
@@ -86,6 +88,24 @@ def _levels(view: ResidualView, *levels: str) -> Iterator[str]:
             yield of
 
 
+def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
+    """A nest that turns, and positions that move, straight with time, temperature or the drive."""
+    if not view.scene.recipe.pose_known:
+        return
+    visits = view.scene.visits
+    tilt = view.signature(NestTilt.example(), "common")[0]
+    nests = ["nest"] if view.scene.is_recorded("nest") else []
+    moved = visits.seat_R.transpose(0, 2, 1)
+    for name, functions in _factors(view).items():
+        if name in ("order", "input"):
+            continue
+        x = functions[:, :, :1]
+        for of in _levels(view, *nests, "common"):
+            yield _kernel(f"{name}*input", of, view, StopColumns.of(tilt * x))
+        if name != "motor":
+            yield _kernel(f"{name}*position", "position", view, StopColumns.of(moved * x))
+
+
 def _each_axis(functions: Array) -> Floats:
     """Functions (v, f) on each axis on its own: columns (v, 3, 3·f)."""
     return np.asarray(np.einsum("ij,vf->vifj", np.eye(3), functions).reshape(len(functions), 3, -1), float)
@@ -110,7 +130,8 @@ def _swings(view: ResidualView) -> Iterator[tuple[Floats, Floats]]:
     """Cosine and sine (v, 1) of some periods in the longest run."""
     t = view.scene.time_s
     share = (t - t.min())[:, None] / max(float(np.ptp(t)), 1e-9)
-    for cycles in SWINGS:
+    most = max(MOST_FEW, view.grid.slot.shape[2] / VISITS_A_WAVE)
+    for cycles in (c for c in SWINGS if c <= most):
         yield np.cos(2 * np.pi * cycles * share), np.sin(2 * np.pi * cycles * share)
 
 
@@ -120,8 +141,8 @@ def _diagonal(values: Floats) -> Floats:
 
 
 def _order(view: ResidualView) -> Iterator[Candidate]:
-    """Every second stop, the step from the one before on any axis, what each axis felt before that, and the position
-    before."""
+    """Every second stop, the step from the one before on any axis, the length of the move, what each axis felt before
+    that, and the position before."""
     visits = view.scene.visits
     turn = _each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = resting_stimulus(view.scene, view.active)
@@ -129,7 +150,8 @@ def _order(view: ResidualView) -> Iterator[Candidate]:
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
     earlier = _diagonal(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
     turned = StopColumns.of(_diagonal(a) * turn)
-    alone = [StopColumns.of(columns) for columns in (turn, step, earlier)]
+    length = _each_axis(np.linalg.norm(_steps(view, a), axis=1)[:, None])
+    alone = [StopColumns.of(columns) for columns in (turn, step, length, earlier)]
     for of in _levels(view, "unit", "common"):
         yield from (_kernel("order", of, view, columns) for columns in alone)
         yield _kernel("order*input", of, view, turned)
@@ -177,13 +199,14 @@ def _steps(view: ResidualView, a: Floats) -> Floats:
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
-    """Every product of two or three components of the true vector on every axis, or some waves of its own."""
+    """Every product of two or three components of the true vector on every axis, that of the two others alone, or some
+    waves of its own."""
     a = resting_stimulus(view.scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
     products = _each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
     waves = [[_diagonal(f(m * np.pi * a)) for f in (np.sin, np.cos)] for m in INPUT_WAVES]
-    for columns in (products, *(np.concatenate(wave, axis=2) for wave in waves)):
+    for columns in (products, _products_of_axes(a)[0], *(np.concatenate(wave, axis=2) for wave in waves)):
         packed = StopColumns.of(columns)
         for of in _levels(view, "unit", "common"):
             yield _kernel("input", of, view, packed)

@@ -11,7 +11,7 @@ from itertools import chain, combinations, product
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidates
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
@@ -21,6 +21,7 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
 from station.model.effect import Effect
+from station.model.effects.nest_tilt import NestTilt
 from station.model.forward import resting_stimulus
 
 #: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
@@ -78,7 +79,7 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
     to all; those of the shape and the level of a cause, too: what changes it, what else switches where it jumps."""
     of = level if cause is None else cause.candidate.of
     levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
-    found = [_at_levels(view, _laws(view), levels)]
+    found = [_at_levels(view, _laws(view), levels), _tilts(view)]
     if of in LABELS:
         found.append(_at_levels(view, chain(_laws(view), _straight(view)), (of,)))
     elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
@@ -106,6 +107,17 @@ def _straight(view: ResidualView) -> Iterator[Law]:
     """An offset in proportion to a covariate: of each unit or run a cause of the library, of a nest or a lot none."""
     for name, of in _curves(view):
         yield name, (_each(of.plain),)
+
+
+def _tilts(view: ResidualView) -> Iterator[Candidate]:
+    """A nest that turns with a covariate, straight or at once, whatever else was found."""
+    tilt = NestTilt.example()
+    if not view.scene.recipe.pose_known:
+        return
+    for one in candidates(tilt, view):
+        for name, of in _curves(view):
+            for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]):
+                yield _law_of(one, f"{name}*input", StopColumns.of(one.stop * x[:, None, None]))
 
 
 def _swings(view: ResidualView) -> Iterator[Law]:
@@ -283,7 +295,11 @@ def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
 
 
 def _memories(view: ResidualView) -> Iterator[Law]:
-    """An offset on another branch while the temperature rises, alone or beside a straight line, or one that lags."""
+    """An offset on another branch while the temperature rises, alone or beside a straight line, or one that lags; what
+    follows whether, or how fast, the temperature changes, in another way than in proportion."""
+    rate = view.scene.temperature_rate
+    if rate is not None and np.ptp(rate) > 0:
+        yield from (("temperature", (_each(_centred(form)),)) for form in (np.sign(rate), np.abs(rate), rate**2))
     memory = TemperatureMemory.of(view.scene)
     if memory is None:
         return

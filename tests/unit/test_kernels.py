@@ -1,0 +1,128 @@
+"""What no cause describes is followed by a kernel that says on what it depends."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.kernels import kernel_candidates
+from station.diagnosis.candidates.rival_laws import rival_laws
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.domain.core.types import Floats
+from station.model.forward import resting_stimulus
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, hide
+from tests.blind.recipes import recipe
+
+Law = Callable[[ResidualView, np.random.Generator], Floats]
+
+
+@pytest.fixture(scope="module")
+def view() -> ResidualView:
+    table, _ = hide(recipe(), None, 5, units=2, floor=WHITE)
+    problem: Any = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    found: ResidualView = problem.view
+    return found
+
+
+def _nest_that_creeps(view: ResidualView, rng: np.random.Generator) -> Floats:
+    seats, t = view.scene.visits.seat_R, view.scene.time_s
+    above = np.einsum("vij,vj->vi", seats, resting_stimulus(view.scene))
+    turned = np.cross(rng.standard_normal(3), above)
+    return np.asarray(np.einsum("vji,vj->vi", seats, turned) * (t - (t.min() + t.max()) / 2)[:, None])
+
+
+def _nest_that_warms(view: ResidualView, rng: np.random.Generator) -> Floats:
+    seats, T = view.scene.visits.seat_R, view.scene.temperature_degC
+    assert T is not None
+    turned = np.cross(rng.standard_normal(3), np.einsum("vij,vj->vi", seats, resting_stimulus(view.scene)))
+    return np.asarray(np.einsum("vji,vj->vi", seats, turned) * (T - T.mean())[:, None])
+
+
+def _positions_that_warm(view: ResidualView, rng: np.random.Generator) -> Floats:
+    seats, T, at = view.scene.visits.seat_R, view.scene.temperature_degC, view.scene.visits.position.code
+    assert T is not None
+    moved = rng.standard_normal((at.max() + 1, 3))[at]
+    return np.asarray(np.einsum("vji,vj->vi", seats, moved) * (T - (T.min() + T.max()) / 2)[:, None])
+
+
+def _length_of_the_move(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a, previous = resting_stimulus(view.scene), view.scene.visits.previous
+    length = np.where(previous >= 0, np.linalg.norm(a[previous] - a, axis=1), 0.0)
+    return np.asarray(length[:, None] * rng.standard_normal(3))
+
+
+def _product_of_the_others(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = resting_stimulus(view.scene)
+    return np.asarray(
+        np.stack([a[:, 1] * a[:, 2], a[:, 2] * a[:, 0], a[:, 0] * a[:, 1]], axis=1) * rng.standard_normal(3)
+    )
+
+
+def _fast_wave(view: ResidualView, rng: np.random.Generator) -> Floats:
+    t, run = view.scene.time_s, view.scene.group("run")[0]
+    phase = rng.uniform(0, 2 * np.pi, run.max() + 1)[run]
+    return np.asarray(np.sin(2 * np.pi * 3.7 * t / np.ptp(t) + phase)[:, None] * rng.standard_normal(3))
+
+
+@pytest.mark.parametrize(
+    ("law", "words", "numbers", "left"),
+    [
+        (_nest_that_creeps, "time*input", 6, 1e-3),
+        (_positions_that_warm, "temperature*position", 72, 1e-3),
+        (_length_of_the_move, "order", 6, 1e-9),
+        (_product_of_the_others, "input", 6, 1e-9),
+        # Half a step between two waves loses less than a half.
+        (_fast_wave, "time", 36, 0.5),
+    ],
+)
+def test_a_law_is_followed_in_few_numbers_under_its_own_words(
+    law: Law, words: str, numbers: int, left: float, view: ResidualView, rng: np.random.Generator
+) -> None:
+    readings = law(view, rng)
+    shares = [
+        _left(readings, columns, view)
+        for columns in (_columns(c) for c in kernel_candidates(view) if c.name == words)
+        if columns.shape[2] <= numbers
+    ]
+    assert min(shares) < left
+
+
+def _square_of_the_rate(view: ResidualView, rng: np.random.Generator) -> Floats:
+    rate = view.scene.temperature_rate
+    assert rate is not None
+    return np.asarray(rate[:, None] ** 2 * rng.standard_normal(3))
+
+
+@pytest.mark.parametrize(
+    ("law", "words"), [(_nest_that_warms, "temperature*input"), (_square_of_the_rate, "temperature")]
+)
+def test_a_law_that_a_cause_resembles_is_tried_in_its_place(
+    law: Law, words: str, view: ResidualView, rng: np.random.Generator
+) -> None:
+    readings = law(view, rng)
+    named = (c for c in rival_laws(view) if c.name.startswith(f"law:{words}/"))
+    assert min(_left(readings, _columns(c), view) for c in named if c.stop.shape[2] <= 3) < 1e-3
+
+
+def _columns(candidate: Any) -> Floats:
+    """All columns (v, 3, numbers) of a candidate, its groups each with their own."""
+    stop, code = candidate.stop, candidate.code
+    return np.asarray(np.concatenate([stop * (code == g)[:, None, None] for g in range(code.max() + 1)], axis=2))
+
+
+def _left(readings: Floats, columns: Floats, view: ResidualView) -> float:
+    """The share of the squares that columns leave beside each unit's offsets and gains."""
+    unit, a = view.scene.visits.unit.code, resting_stimulus(view.scene)
+    base = [np.eye(3) * x[:, None, :] for u in range(unit.max() + 1) for x in ((unit == u)[:, None] * a,)]
+    base += [np.eye(3) * ((unit == u)[:, None, None]) for u in range(unit.max() + 1)]
+    known = np.concatenate(base, axis=2).reshape(readings.size, -1)
+    rest, free = (
+        x - known @ np.linalg.lstsq(known, x, rcond=None)[0]
+        for x in (readings.ravel(), columns.reshape(readings.size, -1))
+    )
+    found = rest - free @ np.linalg.lstsq(free, rest, rcond=1e-9)[0]
+    return float(found @ found / (rest @ rest))
