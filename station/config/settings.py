@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from station.config.documents import Document, load_document, validate
 from station.config.line import LineSettings
@@ -30,11 +30,15 @@ class AdapterSettings(BaseModel):
         return dict(self.model_extra or {})
 
 
+def _as_text(channel: Any) -> Any:
+    return str(channel) if isinstance(channel, int) and not isinstance(channel, bool) else channel
+
+
 class BusSettings(AdapterSettings):
-    """Which bus, by file name, and its channel."""
+    """Which bus, by file name, and its channel; some drivers number theirs."""
 
     interface: Name = "socketcan"
-    channel: PathText = "can0"
+    channel: Annotated[PathText, BeforeValidator(_as_text, json_schema_input_type=PathText | int)] = "can0"
 
 
 class Nest(StrictModel):

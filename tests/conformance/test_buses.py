@@ -15,10 +15,11 @@ from station.adapters.bus import write_log
 from station.adapters.bus._messages import to_message
 from station.adapters.bus._python_can import mf4
 from station.adapters.bus._several import SeveralBuses
-from station.adapters.bus.python_can import PythonCan
+from station.adapters.bus.python_can import PythonCan, interfaces
 from station.adapters.bus.replay import ReplayBus
 from station.adapters.bus.simulated import SimulatedBus
 from station.adapters.clock import SystemClock, VirtualClock
+from station.config.settings import BusSettings
 from station.domain.core.types import Frames
 from station.errors import ConfigError
 from station.messages import render
@@ -156,11 +157,16 @@ def test_what_an_interface_cannot_tell_is_said() -> None:
     bus.close()
 
 
-@pytest.mark.parametrize(("driver", "sentence"), [("pcan", "pcan cannot open channel"), ("slcan", "slcan cannot open")])
-def test_an_adapter_that_is_not_there_is_one_sentence(driver: str, sentence: str) -> None:
-    with pytest.raises(ConfigError, match=sentence) as refused:
-        PythonCan.open("/dev/no-such-adapter", SystemClock(), PythonCan.Settings(driver=driver))
+@pytest.mark.parametrize("driver", [name for name in interfaces() if name != "virtual"])
+def test_an_adapter_that_is_not_there_is_one_sentence(driver: str) -> None:
+    with pytest.raises(ConfigError, match=f"^{driver} cannot open channel '0'") as refused:
+        PythonCan.open("0", SystemClock(), PythonCan.Settings(driver=driver))
     assert len(refused.value.sentence) < 400
+
+
+@pytest.mark.parametrize(("number", "text"), [(0, "0"), ("PCAN_USBBUS1", "PCAN_USBBUS1")])
+def test_a_channel_may_be_a_number(number: int | str, text: str) -> None:
+    assert BusSettings.model_validate({"interface": "kvaser", "channel": number}).channel == text
 
 
 class _ReplayRig(Rig):

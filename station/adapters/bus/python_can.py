@@ -43,6 +43,11 @@ MOST_WAITING: Final = 1_000_000
 _MOST_AT_ONCE: Final = 20_000
 #: Stamps further from the machine's clock than this are of a clock of their own.
 _SAME_CLOCK_S: Final = 3600.0
+#: What the drivers raise where hardware, library or options are not as they need them.
+_OPENING_FAILS: Final = (
+    *(can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError),
+    *(NameError, AttributeError, LookupError, RuntimeError),
+)
 _BUFFER_BYTES: Final = 16 << 20
 #: IP_MULTICAST_ALL and IPV6_MULTICAST_ALL of <linux/in.h> and <linux/in6.h>; Python names neither.
 _MULTICAST_ALL: Final = {socket.AF_INET: (socket.IPPROTO_IP, 49), socket.AF_INET6: (socket.IPPROTO_IPV6, 29)}
@@ -96,9 +101,9 @@ class PythonCan:
             given.setdefault("preserve_timestamps", True)  # a simulated device says when it sends
         try:
             bus = can.Bus(channel=channel, interface=settings.driver, ignore_config=True, **given)
-        except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
-            why = system_reason(error) if isinstance(error, OSError) else " ".join(str(error).split())[:200]
-            raise ConfigError("python-can-not-opened", driver=settings.driver, channel=channel[:40], why=why) from None
+        except _OPENING_FAILS as error:
+            about = {"driver": settings.driver, "channel": channel[:40], "why": _why(error)}
+            raise ConfigError("python-can-not-opened", **about) from None
         return cls(bus, channel, settings.driver)
 
     @property
@@ -287,6 +292,15 @@ class _Channel:
     def _check_open(self) -> None:
         if self._closed:
             raise BusFault("channel-closed", bus=self._bus.name)
+
+
+def _why(error: Exception) -> str | Message:
+    """What a driver said about why it cannot be opened."""
+    if isinstance(error, OSError):
+        return system_reason(error)
+    if isinstance(error, (NameError, AttributeError)):  # python-can goes on where the maker's library was not found
+        return Message("driver-library-missing")
+    return " ".join(str(error).split())[:200]
 
 
 def _stamp_ns(message: can.Message) -> int:
