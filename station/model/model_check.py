@@ -12,6 +12,7 @@ from station.messages import Message
 from station.model.effect import Coefficient, Effect, Parameter, unit_in
 from station.model.formula.effect_file import NAME
 from station.model.formula.model_term import ModelTerm
+from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of
 from station.model.model_file import EFFECTS, Model, ModelEffect, ModelParameter
 
@@ -49,6 +50,7 @@ def model_mistakes(model: Model, unit: str | None) -> Iterator[Mistake]:
             yield (*at, "effect"), Message("model-formula-twice", name=effect.effect)
         named.add(effect.effect)
         yield from _of_formula(effect.effect, effect.term, effect.parameters, at, units)
+        yield from _shape_of_formula(effect, effect.term.term(), at)
         for k, rival in enumerate(effect.equivalent):
             yield from _of_formula(effect.effect, rival.term, rival.parameters, (*at, "equivalent", k), units)
 
@@ -107,6 +109,20 @@ def _of_formula(
             if p.name == form.name and not (isinstance(p.value, float) and np.isclose(p.value, value, 1e-4)):
                 place = (*at, "parameters", k, "value")
                 yield place, Message("model-constant-differs", name=p.name, value=str(p.value)[:40], term=f"{value:g}")
+
+
+def _shape_of_formula(listed: ModelEffect, term: Term, at: tuple[str | int, ...]) -> Iterator[Mistake]:
+    """A formula's constants stand in its term: beside it they may only say the same."""
+    constants = dict(term.constants)
+    for field, value in listed.shape.items():
+        if field not in constants:
+            yield (
+                (*at, "shape"),
+                Message("model-shape", effect=listed.effect[:40], name=field[:40], names=term.fields or ("none",)),
+            )
+        elif not np.isclose(value, constants[field], 1e-4):
+            differs = Message("model-constant-differs", name=field, value=f"{value:g}", term=f"{constants[field]:g}")
+            yield (*at, "shape", field), differs
 
 
 def _parameters(

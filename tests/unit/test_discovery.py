@@ -9,6 +9,7 @@ import pytest
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.discover import _group_terms, discover, is_series
+from station.diagnosis.discovery.edges import edges_say_as_much
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
@@ -134,6 +135,29 @@ def test_a_term_whose_size_goes_with_another_covariate_leaves_no_noise(hidden: b
     fit = refine(warm, TermSpaces(problem, problem.fit().floor).of(warm))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
     assert is_noise(known, [fit.term]) != hidden
+
+
+@pytest.mark.parametrize("edges", [False, True])
+@pytest.mark.parametrize("modulator", ["motor-squared", "wave"])
+def test_a_curve_that_only_follows_edges_is_no_whole_law(modulator: str, edges: bool) -> None:
+    """A threshold of the motors' drive, and a square wave of five visits a round."""
+
+    def hidden(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added, angle = np.zeros_like(w.a), 2 * np.pi * 0.08 * w.t
+        smooth, sharp = (w.motor**2, w.motor > 0.5) if modulator != "wave" else (np.sin(angle), np.sin(angle) > 0)
+        added[:, 0] = (
+            w.a[:, 1] * (2.0 * sharp - (modulator == "wave") if edges else smooth) * rng.amplitude(1e-4, (1,))[0]
+        )
+        return w.a, added
+
+    wave = modulator == "wave"
+    labels, constants = (("x:y:cos", "x:y:sin"), (("cycles_hz", 0.08),)) if wave else (("x:y",), ())
+    curve = Term("other", modulator, labels, "common", constants)
+    table, _ = hide(recipe(), hidden, 37, d=16.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    fit = refine(curve, TermSpaces(problem, problem.fit().floor).of(curve))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    assert edges_say_as_much(known, [fit.term]) == edges
 
 
 def test_the_chance_of_the_order_that_speaks_loudest_is_that_of_its_choice() -> None:

@@ -61,6 +61,8 @@ def load(text: str, folder: Path, unit: str | None = "g") -> Model:
         ("- effect: warm-up", "- effect: warm-up\n  shape: {time_constant_s: -1}", "effects.1.shape", "is '-1.0'"),
         ("- effect: warm-up", "- effect: warm-up\n  shape: {__class__: 1}", "effects.1.shape", "'__class__'"),
         ("effect: formula-1", "effect: 'a\"; import os'", "effects.2.effect", "is no name of an effect"),
+        ("effect: formula-1", "effect: formula-1\n  shape: {about_degC: 9}", "effects.2.shape.about_degC", "but 25 in"),
+        ("effect: formula-1", "effect: formula-1\n  shape: {tau_s: 5}", "effects.2.shape", "'tau_s'"),
         ("effect: formula-1", "effect: cubic", "effects.2.effect", "There is an effect cubic already"),
         ("value: 25.0", "value: 99", "effects.2.parameters.1.value", "about is 99.0 here, but 25 in the term"),
         ("{about_degC: 25.0},\n", "{about_degC: true},\n", "effects.2.term.constants.about_degC", "a number, not true"),

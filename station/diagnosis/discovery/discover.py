@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.diagnosis.discovery import chance
+from station.diagnosis.discovery.edges import edges_say_as_much
 from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families, simplest
 from station.diagnosis.discovery.library import libraries
 from station.diagnosis.discovery.merge import TermPair
@@ -109,7 +110,8 @@ def discover(
             problem, found = search.fitted_back(problem, found, first)
     terms = [t.fit.term for t in found]
     whole = bool(found) and search.is_exhausted(len(found)) and not is_series(terms)
-    quiet = whole and alarm is not None and is_noise(problem, terms) and alarm.is_quiet(problem)
+    quiet = whole and alarm is not None and is_noise(problem, terms) and not edges_say_as_much(problem, terms)
+    quiet = quiet and alarm is not None and alarm.is_quiet(problem)
     return Discovery(tuple(found), problem, search.threshold, quiet, first)
 
 

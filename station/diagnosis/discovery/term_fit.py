@@ -128,9 +128,17 @@ def _still_columns(term: Term, view: ResidualView) -> Floats:
 
 def fit_term(term: Term, at: TermSpace) -> TermFit:
     """A term in a space."""
+    return _fit(term, _probe(term, at.view), at)
+
+
+def fit_in_place(term: Term, columns: Floats, at: TermSpace) -> TermFit:
+    """Other columns (v, 3, K) in a space, shared as those of a term are."""
+    return _fit(term, _candidate(term, None, at.view, columns, None, UNNAMED), at)
+
+
+def _fit(term: Term, candidate: Candidate, at: TermSpace) -> TermFit:
     space = at.space
-    candidate = _probe(term, at.view).select_visits(at.units.stops)
-    rows = candidate.rows(at.units.setting.layout)
+    rows = candidate.select_visits(at.units.stops).rows(at.units.setting.layout)
     U, R, m, _ = rows.stop.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
     length = np.einsum("umk,umk->uk", white, white)
