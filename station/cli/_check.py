@@ -218,7 +218,7 @@ def _assumptions(subject: CheckSubject) -> CheckSection:
     ]
     lines = tuple(
         f"assumed: {a.key} = {a.value:.2g}{'' if a.unit == '1' else ' ' + a.unit} ({render(a.source)}); "
-        f"{_REMEDIES.get(a.key, 'state it, or 0')}"
+        f"{_REMEDIES.get(a.key, 'state a value, even if it is 0')}"
         for a in found
         if not a.stated
     )

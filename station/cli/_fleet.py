@@ -13,7 +13,7 @@ from station.messages import Message, render
 from station.ports.fleet import Columns, ColumnType, PortionResults
 from station.ports.log_reader import Query
 from station.service.fleet import FleetJob, FleetPlan, FleetWork, compute_missing, plan_portions
-from station.wiring.fleet import open_engine, open_results, open_source, openers
+from station.wiring.fleet import check_scheduler, open_engine, open_results, open_source, openers
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +64,7 @@ def computed(
 
     Errors: LogError, StoreFault, StationFault, InputError.
     """
+    check_scheduler(request.scheduler)
     with _output.progress() as bar:
         task = bar.add_task("reading", total=None)
         planned = plan_portions(job, openers(request.sources))

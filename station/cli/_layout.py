@@ -69,7 +69,7 @@ class TextTable:
         spare = width - self._total([w for i, w in enumerate(widths) if i not in self.words], 1)
         share = spare // max(len(self.words), 1) - 1
         if share < LEAST_WORDS:  # words get a line of their own
-            share = width - self.indent - INDENT
+            share = max(LEAST_WORDS, width - self.indent - INDENT)
         return self._roomier([min(w, share) if i in self.words else w for i, w in enumerate(widths)], width)
 
     def _roomier(self, widths: list[int], width: int) -> list[int]:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: Colours of a terminal by their names.
 _ANSI = {"red": 31, "green": 32, "yellow": 33, "magenta": 35}
+#: Lines are made no shorter than this, whatever a screen or COLUMNS says.
+_NARROWEST = 20
 NO_COLOURS: Mapping[str, str] = MappingProxyType({})
 #: What every command takes, and the variable of the environment that stands for it.
 FLAGS = {"--quiet": "STATION_QUIET", "--no-progress": "STATION_NO_PROGRESS"}
@@ -30,10 +32,15 @@ def on_terminal() -> bool:
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
 
 
+def screen_width() -> int:
+    """How many characters a line on the screen may have."""
+    return max(_NARROWEST, shutil.get_terminal_size().columns)
+
+
 def line_width() -> int | None:
     """How many characters a line on standard output may have; None in a pipe, unless COLUMNS says so."""
     if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit():
-        return shutil.get_terminal_size().columns
+        return screen_width()
     return None
 
 
@@ -92,14 +99,15 @@ def print_remark(text: str) -> None:
 
 def print_person(text: str) -> None:
     """A sentence on standard error; one line in a pipe, broken between words on a terminal."""
-    width = shutil.get_terminal_size().columns if sys.stderr.isatty() else None
+    width = screen_width() if sys.stderr.isatty() else None
     for line in sentence_lines(printable_text(text), width):
         print(line, file=sys.stderr, flush=True)
 
 
 def print_json(document: Any) -> None:
-    """The one JSON document of a command with `--json`."""
-    print_raw(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    """The one JSON document of a command with `--json`; in ASCII alone where the output takes no other letters."""
+    ascii_only = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().replace("-", "") != "utf8"
+    print_raw(json.dumps(document, allow_nan=False, ensure_ascii=ascii_only))
 
 
 @contextmanager

@@ -6,10 +6,10 @@ import errno
 import functools
 import gc
 import importlib
+import io
 import keyword
 import math
 import os
-import shutil
 import signal
 import sys
 import textwrap
@@ -109,6 +109,8 @@ def _open_standard_streams() -> None:
                 os.dup2(handle, number)
                 os.close(handle)
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a letter that a terminal does not have is no reason to stop
+        sys.stdout.reconfigure(errors="replace")
 
 
 def _take_flags(args: list[str]) -> list[str]:
@@ -220,7 +222,7 @@ def _first_clause(line: str) -> str:
 def _overview() -> str:
     found = commands()
     width = max(map(len, found), default=0)
-    columns = min(shutil.get_terminal_size().columns, 120)
+    columns = min(_output.screen_width(), 120)
     lines = [
         textwrap.fill(f"  {name:<{width}}  {_first_clause(line)}", columns, subsequent_indent=" " * (width + 4))
         for name, line in found.items()
@@ -240,10 +242,8 @@ def _overview() -> str:
 
 
 def _fail(sentence: str, code: int) -> int:
-    # Names from files and devices stand in sentences: nothing of theirs may steer the terminal.
-    clean = "".join(c if c.isprintable() else " " for c in sentence)
     with suppress(OSError):  # where standard error is full, the exit code alone has to do
-        print(f"station: {clean}", file=sys.stderr)
+        _output.print_person(f"station: {sentence}")
     return code
 
 

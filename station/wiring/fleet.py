@@ -30,6 +30,14 @@ def openers(paths: Sequence[Path]) -> list[OpenSource]:
     return [partial(open_source, path if plant_address(path) else real_path(path)) for path in paths]
 
 
+def check_scheduler(scheduler: str | None) -> None:
+    """Before anything is read or written. Errors: InputError where it is no address."""
+    if scheduler:
+        from station.adapters.fleet.dask_engine import refuse_no_address
+
+        refuse_no_address(scheduler)
+
+
 def open_engine(
     planned: FleetPlan, processes: int | None, scheduler: str | None
 ) -> AbstractContextManager[PortionEngine]:

@@ -134,6 +134,7 @@ def changed(table: pd.DataFrame, column: str, value: object, rows: slice = slice
     ("change", "words"),
     [
         (lambda t: t.drop(columns="z"), " has no column z; a samples table needs "),
+        (lambda t: t[["seating"]], " has none of the columns of a samples table (unit, run, "),
         (lambda t: t.rename(columns={"seating": "seatin"}), "did you mean 'seating'?"),
         (lambda t: changed(t, "y", np.inf, slice(7, 8)), "@7, column y: inf is not a finite number"),
         (

@@ -87,3 +87,11 @@ def test_a_document_that_cannot_be_written_is_refused_before_the_fleet_is_comput
     )
     assert "--json" in said
     assert not kept.exists()
+
+
+def test_what_is_no_scheduler_is_refused_before_a_folder_of_results_is_made(
+    tables: Path, capsys: Out, tmp_path: Path
+) -> None:
+    words = ("backtest", "--recipe", "six-point", "--db", tables, "--results", tmp_path / "kept", "--scheduler", "-7d")
+    assert "'-7d' is no address of a scheduler" in station(capsys, *words, code=2)
+    assert not (tmp_path / "kept").exists()

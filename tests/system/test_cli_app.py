@@ -1,5 +1,6 @@
 """The command line as a process: help, errors as one sentence, exit codes, a pipe that closes."""
 
+import json
 import os
 import re
 import subprocess
@@ -157,3 +158,43 @@ def test_a_folder_is_no_log(command: list[str]) -> None:
     assert done.returncode in (2, 3)
     assert re.match(r"station: The log / cannot be (opened|read): it is a folder;", done.stderr)
     assert done.stderr.count("\n") == 1
+
+
+def test_a_sentence_on_a_terminal_is_broken_between_words_and_whole_in_a_pipe(tmp_path: Path) -> None:
+    words = [*STATION, "--no-progress", "calibrate", "--samples", "nowhere.csv", "--recipe", "six-point"]
+    piped = subprocess.run(words, capture_output=True, text=True, timeout=60, cwd=tmp_path, check=False).stderr
+    terminal, end = os.openpty()
+    with os.fdopen(terminal, "rb", buffering=0) as screen:
+        subprocess.run(
+            words, stdout=subprocess.DEVNULL, stderr=end, timeout=60, cwd=tmp_path, check=False,
+            env={**os.environ, "COLUMNS": "50"},
+        )  # fmt: skip
+        os.close(end)
+        shown = screen.read(4000).decode().splitlines()
+    assert piped.count("\n") == 1
+    assert len(shown) > 1
+    assert max(map(len, shown)) <= 50
+    assert " ".join(line.strip() for line in shown) == piped.strip()
+
+
+def test_letters_that_the_output_does_not_take_stop_nothing_and_json_keeps_them(tmp_path: Path) -> None:
+    def run(*words: str) -> str:
+        environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+        done = subprocess.run(
+            [*STATION, *words], capture_output=True, timeout=60, cwd=tmp_path, env=environment, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.decode("ascii")
+
+    assert "? PASS" in run("run", "--simulate", "--units", "1", "--recipe", "one-point", "--operator", "Zo\u00eb")
+    assert json.loads(run("audit", "SN0001", "--json"))["attempts"][0]["operator"] == "Zo\u00eb"
+
+
+@pytest.mark.parametrize("columns", ["1", "40"])
+@pytest.mark.parametrize("words", [("--help",), ("check", "six-point"), ("effects",)])
+def test_a_narrow_screen_breaks_lines_and_no_command(
+    columns: str, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    done = captured(*words)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -51,7 +51,7 @@ class DaskEngine:
     def __init__(self, address: str = "", workers: int = 1) -> None:
         self._address, self._open = address, ExitStack()
         self._where = address or "127.0.0.1"
-        _refuse_no_address(address)
+        refuse_no_address(address)
         with ExitStack() as opening:
             settings = {"distributed.comm.timeouts.connect": f"{_CONNECT_S}s", **({} if address else _FRUGAL)}
             opening.enter_context(dask.config.set(settings))
@@ -119,8 +119,11 @@ class DaskEngine:
             _refuse_other(code_version(), version)
 
 
-def _refuse_no_address(address: str) -> None:
-    """Before a client is made: one whose address has no port waits for half a minute and ends in a traceback."""
+def refuse_no_address(address: str) -> None:
+    """Before a client is made: one whose address has no port waits for half a minute and ends in a traceback.
+
+    Errors: InputError.
+    """
     try:
         port = get_address_host_port(address)[1] if address else 1
     except ValueError:

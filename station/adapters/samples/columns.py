@@ -61,6 +61,8 @@ def check_columns(path: Path, names: list[str]) -> None:
         if name not in ALL_COLUMNS and near:
             raise SamplesError("samples-column-misspelt", file=str(path), column=name, nearest=near[0])
     missing = [name for name in REQUIRED_COLUMNS if name not in names]
+    if len(missing) == len(REQUIRED_COLUMNS):
+        raise SamplesError("samples-no-columns", file=str(path), required=REQUIRED_COLUMNS)
     if missing:
         raise SamplesError("samples-columns-missing", file=str(path), missing=missing, required=REQUIRED_COLUMNS)
     some = [name for name in GOLD_COLUMNS if name in names]
