@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.results.estimate import estimate_causes
+from station.diagnosis.results import estimate
+from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.diagnosis.search.scoring import score_bank
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, World, hide
 from tests.blind.hidden import KNOWN
-from tests.blind.recipes import recipe
+from tests.blind.recipes import recipe, six_faces
 
 SETS = 12
 
@@ -65,3 +67,21 @@ def test_sizes_that_hang_on_what_is_hardly_known_are_covered(name: str, runs: in
     shares = np.array([_held(name, runs, 4100 + n, d) for n in range(SETS)])
     assert shares.mean() > 0.95 - 2.3 * 0.03, shares
     assert np.count_nonzero(shares < 0.6) <= 1, shares
+
+
+def test_of_a_noise_known_from_few_numbers_the_interval_is_students(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Six faces by one unit leave twelve numbers beside three offsets and three gains."""
+    known = _six_faces_once().std
+    monkeypatch.setattr(estimate, "students_share", lambda dof: 1.0)
+    assert 1.96 * known / _six_faces_once().std == pytest.approx(stats.t.ppf(0.975, 12), rel=1e-3)
+
+
+def _six_faces_once() -> Estimate:
+    faces = six_faces("listed")
+    table, _ = hide(faces, KNOWN["cross-axis"], 3, units=1, floor=WHITE, d=16.0)
+    bare = initial_problem(reduce_samples(faces, table), FloorAllowance.of(faces, Model()))
+    (effect,) = (e for e in cause_library(faces) if e.id == "cross-axis")
+    one = next(c for c in candidates(effect, bare.view) if c.of == "unit")
+    now = score_bank(bare, [build_bank([one], bare.view.layout, moving=False)], bare.fit().floor)
+    _, (found,) = estimate_causes(refined(bare.with_accepted([now.accept(one, bare.view)])))
+    return found

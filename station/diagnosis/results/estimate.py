@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from station.diagnosis.candidates.bank import build_bank
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
@@ -17,6 +18,8 @@ from station.domain.core.types import Floats
 
 #: Amplitudes and forms less likely than this are left out of an interval.
 NEGLIGIBLE = 1e-3
+#: Probability below the upper end of a 95 % interval.
+COVERED = 0.975
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,12 +94,14 @@ def _white(problem: ScoringProblem, fitted: FittedFloor) -> WhiteRows:
 def _std(
     problem: ScoringProblem, i: int, value: Floats, std: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
 ) -> Floats:
-    """Standard deviation (groups, axes) of a cause's coefficients about value: what is not known of their usual size,
-    which shrinks them, and of the form counts, too. std: where both are as estimated."""
+    """Standard deviation (groups, axes) of a cause's coefficients about value, of which 1.96 cover 95 %: what is not
+    known of their usual size, which shrinks them, of the form and of the noise counts, too. std: where all are as
+    estimated."""
     item = problem.accepted[i]
     if item.candidate.effect is None or np.any(item.mean):
         # Of a kernel, or of a cause that a model file states with deviations of its own.
         return std
+    widened = students_share(fitted.space.dof)
     bare = problem.without(i)
     at_best = _second_moment(bare, i, item, value, fitted)
     variance = at_best.copy()
@@ -108,7 +113,12 @@ def _std(
             if w > NEGLIGIBLE
         ]
         variance += np.maximum(np.sum(each, axis=0) - at_best, 0.0)
-    return np.sqrt(variance)
+    return np.asarray(widened * np.sqrt(variance))
+
+
+def students_share(dof: int) -> float:
+    """The 97.5 % quantile of Student's t, of a noise known from so many numbers, over that of Gauss' distribution."""
+    return float(scipy.special.stdtrit(max(dof, 1), COVERED) / scipy.special.ndtri(COVERED))
 
 
 def _second_moment(bare: ScoringProblem, i: int, item: AcceptedCause, value: Floats, fitted: FittedFloor) -> Floats:
