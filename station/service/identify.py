@@ -1,6 +1,6 @@
 """Who sits in the nest, what it holds now, and how it is made ready to be measured."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from station.domain.product import number_format, writeback
 from station.domain.product.device_map import DeviceMap, DeviceSetting
@@ -166,17 +166,28 @@ def _settings_as_found(unit: Unit) -> None:
 def restore_as_found(unit: Unit, job: Job) -> Message | None:
     """Puts output, settings and NMT state back as they were found, as far as the device still answers; None or what
     failed."""
+    failed = _failure(lambda: _switches_as_found(unit, job)) if unit.switched else None
+    if not unit.found_state:
+        return failed
+    # Whatever became of the rest: a command that nobody answers costs nothing.
+    left = _LEAVE_AS.get(unit.found_state, "pre-operational")
+    unanswered = _failure(lambda: unit.device.nmt(left))
+    return failed or unanswered
+
+
+def _failure(act: Callable[[], None]) -> Message | None:
     try:
-        if unit.switched:
-            _settings_as_found(unit)
-            output = job.product.map.switch
-            if output is not None and output.address in unit.old and unit.state in SWITCHED:
-                set_checked(unit, output.address, unit.old[output.address], "output switch")
-        if unit.found_state:
-            unit.device.nmt(_LEAVE_AS.get(unit.found_state, "pre-operational"))
+        act()
     except StationError as exc:
         return exc.message
     return None
+
+
+def _switches_as_found(unit: Unit, job: Job) -> None:
+    _settings_as_found(unit)
+    output = job.product.map.switch
+    if output is not None and output.address in unit.old and unit.state in SWITCHED:
+        set_checked(unit, output.address, unit.old[output.address], "output switch")
 
 
 def set_checked(unit: Unit, at: Address, raw: bytes, name: str) -> None:

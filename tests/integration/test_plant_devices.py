@@ -165,7 +165,15 @@ def test_a_pdo_is_set_up_as_the_map_says_and_put_back(tmp_path: Path) -> None:
     assert (held["1800:01"], held["1800:02"], held["1800:05"]) == (0x191, 254, 0)
 
 
-def test_a_device_that_takes_writes_only_while_it_sends_nothing_is_left_in_the_state_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("fault", "ended", "failed"),
+    [
+        (("only-idle",), "PASS", False),
+        (("holds:index=0x1800,sub=5,value=0", "refuse:index=0x1800,sub=5,access=write,at=2"), "FAIL", True),
+    ],
+    ids=["writes only while idle", "a setting not put back"],
+)
+def test_a_device_is_left_in_the_state_found(tmp_path: Path, fault: tuple[str, ...], ended: str, failed: bool) -> None:
     states: list[str] = []
 
     def look(event: Event, _stop: StopRequest, bench: Bench) -> None:
@@ -173,7 +181,7 @@ def test_a_device_that_takes_writes_only_while_it_sends_nothing_is_left_in_the_s
             bench.station.clock.sleep(1.5)  # its heartbeat says the state
             states.append(bench.station.device(event.result.seat.node).state())
 
-    ran = fixture_run.run(tmp_path, hook=look, faults=("only-idle",))
-    assert outcome(ran) == ("PASS", [])
+    ran = fixture_run.run(tmp_path, hook=look, faults=fault)
+    assert outcome(ran)[0] == ended
     assert states == ["pre-operational"]
-    assert "not-left-as-found" not in {event["kind"] for event in ran.life(SERIAL)["events"]}
+    assert ("not-left-as-found" in {event["kind"] for event in ran.life(SERIAL)["events"]}) is failed
