@@ -29,6 +29,8 @@ from station.service.unit import RunSetting, Unit
 MOST_PDOS = 8
 #: An event timer counts milliseconds (CiA 301, sub-index 5 of the communication parameters).
 FASTEST_TIMER_HZ = 1000.0
+#: More SYNCs a second take too much of a bus: a PDO that waits for so many of them is set to follow each for the run.
+MOST_SYNCS_HZ = 1000.0
 #: An event timer whose rate is below this share of the recipe's explains why readings are missing.
 SLOW_SHARE = 0.9
 
@@ -45,7 +47,8 @@ def read(unit: Unit, job: Job, store: Store) -> None:
     changes = [s for pdo in found for s in _changes(pdo, setups.get(pdo.number), job.recipe.device.rate_hz, own)]
     unit.settings = (*own, *changes)
     unit.pdos = found
-    unit.sync_every = max((_sync_every(pdo, setups.get(pdo.number)) for pdo in found), default=0)
+    rate_hz = job.recipe.device.rate_hz
+    unit.sync_every = max((_sync_every(pdo, setups.get(pdo.number), rate_hz) for pdo in found), default=0)
 
 
 def _of_node(setup: PdoSetup, unit: Unit, job: Job) -> PdoSetup:
@@ -108,10 +111,16 @@ def _mapping(unit: Unit, number: int) -> tuple[int, ...]:
     return tuple(entry for entry in entries if entry is not None)
 
 
-def _sync_every(pdo: SendingPdo, setup: PdoSetup | None) -> int:
-    """SYNCs from one PDO to the next; 0 where it needs none."""
+def _sync_every(pdo: SendingPdo, setup: PdoSetup | None, rate_hz: float) -> int:
+    """SYNCs from one PDO to the next in the run; 0 where it needs none."""
+    if setup is None and _waits_too_long(pdo, rate_hz):
+        return 1
     kind = pdo.transmission if setup is None or setup.transmission is None else setup.transmission
     return max(kind, 1) if kind <= LAST_SYNC else 0
+
+
+def _waits_too_long(pdo: SendingPdo, rate_hz: float) -> bool:
+    return 1 < pdo.transmission <= LAST_SYNC and pdo.transmission * rate_hz > MOST_SYNCS_HZ
 
 
 def _changes(
@@ -122,6 +131,8 @@ def _changes(
         yield from _set_up(pdo, setup)
         return
     kind = pdo.transmission
+    if _waits_too_long(pdo, rate_hz):
+        yield _setting(pdo, TRANSMISSION, bytes([kind]), b"\1")
     timed = any(s.address == (COMMUNICATION + pdo.number, EVENT_TIMER) and s.wanted is not None for s in own)
     # Faster than its unit of a millisecond no timer sends: such a device has another event of its own.
     silent = pdo.event_timer is not None and pdo.event_timer_ms == 0 and rate_hz <= FASTEST_TIMER_HZ

@@ -140,6 +140,29 @@ def test_what_the_tumble_needed_is_set_again_for_the_verification_and_put_back(t
     assert ran.memory(SERIAL)["1800:05"] == 0
 
 
+@pytest.mark.parametrize(("transmission", "syncs"), [(3, 3), (240, 1)])
+def test_a_pdo_that_waits_for_many_syncs_gets_them_or_follows_each_for_the_run(
+    tmp_path: Path, transmission: int, syncs: int
+) -> None:
+    """At 100 Hz type 240 would need 24,000 SYNCs a second, more than a bus carries."""
+    sent: list[float] = []
+
+    def count(bench: Bench) -> Bench:
+        repeat = bench.station.bus.repeat
+
+        def counted(can_id: int, data: bytes, period_s: float) -> Any:
+            sent.append(period_s)
+            return repeat(can_id, data, period_s)
+
+        vars(bench.station.bus)["repeat"] = counted
+        return bench
+
+    ran = fixture_run.run(tmp_path, recipe=plant.recipe(tmp_path, eds=plant.pdo(transmission)), wrap=count)
+    assert outcome(ran) == ("PASS", [])
+    assert sent and sent == pytest.approx([0.01 / syncs] * len(sent))
+    assert ran.memory(SERIAL)["1800:02"] == transmission
+
+
 def test_a_recipe_and_a_product_of_one_name_do_not_meet(tmp_path: Path) -> None:
     plant.recipe(tmp_path)
     path = tmp_path / "plant.yaml"
