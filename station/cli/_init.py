@@ -14,7 +14,7 @@ from station.config.search_path import shipped_folder
 from station.domain.can.signals import FrameLayout
 from station.domain.product.draft import frame_roles, map_objects
 from station.domain.product.draft.axis_objects import axis_offsets, readings_pdo
-from station.domain.product.draft.dbc_text import dbc_text
+from station.domain.product.draft.dbc_text import dbc_text, without_identifier
 from station.domain.product.draft.frame_roles import FrameRoles
 from station.domain.product.draft.map_objects import MapObjects
 from station.domain.product.draft.product_text import ProductDraft, product_text, scalar
@@ -111,18 +111,22 @@ def draft_product(request: InitRequest, *, as_json: bool) -> int:
 
 def _draft_dbc(request: InitRequest, eds: Path, *, as_json: bool) -> int:
     """The DBC alone, by the PDO mapping: the EDS does not tell what a count is. Errors: ProductError, UsageError."""
-    text = dbc_text(read_dictionary(eds, 1, frozenset()), object_titles(eds))
+    dictionary = read_dictionary(eds, 1, frozenset())
+    text = dbc_text(dictionary, object_titles(eds))
     if not text:
         raise ProductError("init-no-mapping", eds=str(eds))
     dbc = Path(f"{request.name}.dbc")
     _write(request.folder, {dbc: text.encode()})
     path = str(request.folder / dbc)
-    remark = Message("init-dbc-drafted", name=request.name, dbc=path, eds=str(eds))
+    remarks = [Message("init-dbc-drafted", name=request.name, dbc=path, eds=str(eds))]
+    if nameless := without_identifier(dictionary):
+        remarks.insert(0, Message("init-pdos-left-out", numbers=nameless, eds=str(eds)))
     if as_json:
-        remarks = [render(remark)]
-        _output.print_json({"schema": SCHEMA, "files": [path], "remarks": remarks, "problem": None, "exit_code": 0})
+        said = [render(remark) for remark in remarks]
+        _output.print_json({"schema": SCHEMA, "files": [path], "remarks": said, "problem": None, "exit_code": 0})
     else:
-        _output.print_message(remark)
+        for remark in remarks:
+            _output.print_message(remark)
     return 0
 
 

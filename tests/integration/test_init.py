@@ -273,6 +273,22 @@ def test_counts_of_an_eds_are_told_to_need_a_factor(here: Path, capsys: pytest.C
         run_command(["init", "none", "--eds", "none.eds"])
 
 
+def test_a_pdo_without_an_identifier_is_left_out_of_the_drafted_dbc(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its message would have the identifier of NMT."""
+    text = (SHIPPED / "accelerometer.eds").read_text("latin-1")
+    first, second = "$NODEID+0x180", "$NODEID+0x280"
+    assert first in text and second in text
+    (here / "half.eds").write_text(text.replace(second, "0x80000000"), "latin-1")
+    assert run_command(["init", "half", "--eds", "half.eds"]) == 0
+    assert "left out: TPDO 2, to which half.eds gives no identifier" in capsys.readouterr().out
+    assert [m.can_id for m in read_layouts(here / "half.dbc", None).values()] == [0x181]
+    (here / "none.eds").write_text(text.replace(second, "0").replace(first, "0xC0000000"), "latin-1")
+    with pytest.raises(ProductError, match=r"maps no object to a TPDO .* with an identifier"):
+        run_command(["init", "none", "--eds", "none.eds"])
+
+
 UDS = """map:
   protocol: uds
   uds: {request: 0x741, response: 0x761, session: 3}

@@ -4,6 +4,7 @@ angles of CiA 410 alone."""
 import re
 from collections.abc import Mapping
 
+from station.domain.core.types import EXTENDED
 from station.domain.product.object_dictionary import ObjectDictionary
 from station.domain.product.pdo_check import MappedObject, MappedPdo, mapped_pdos
 
@@ -15,12 +16,21 @@ _LONGEST_NAME = 32
 
 
 def dbc_text(dictionary: ObjectDictionary, titles: Mapping[int, str]) -> str:
-    """The file, '' where the EDS maps nothing. titles: name of each object by its index."""
-    blocks = [_message(pdo, dictionary, titles) for pdo in mapped_pdos(dictionary) if pdo.objects]
+    """The file, '' where the EDS maps nothing to a PDO with an identifier. titles: name of each object by its index."""
+    blocks = [_message(pdo, dictionary, titles) for pdo in mapped_pdos(dictionary) if pdo.objects and _is_named(pdo)]
     if not blocks:
         return ""
     types = "\n".join(line for _, line in blocks if line)
     return "\n".join(('VERSION ""', "", "NS_ :", "", "BS_:", "", "BU_: Device", "", *(b for b, _ in blocks), types, ""))
+
+
+def without_identifier(dictionary: ObjectDictionary) -> tuple[int, ...]:
+    """Numbers, from 1, of the TPDOs that map something under an identifier that the EDS leaves open."""
+    return tuple(pdo.number + 1 for pdo in mapped_pdos(dictionary) if pdo.objects and not _is_named(pdo))
+
+
+def _is_named(pdo: MappedPdo) -> bool:
+    return pdo.can_id & ~EXTENDED != 0
 
 
 def _message(pdo: MappedPdo, dictionary: ObjectDictionary, titles: Mapping[int, str]) -> tuple[str, str]:
