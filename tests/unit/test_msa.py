@@ -87,3 +87,13 @@ def test_intervals_of_a_gauge_study_hold(rng: np.random.Generator, appraisers: i
         low, high = msa.anova(parts + people + 0.2 * rng.normal(size=(10, appraisers, 3))).intervals["grr"]
         inside.append(low <= true <= high)
     assert 0.917 < np.mean(inside) < 0.983
+
+
+def test_the_large_sample_interval_of_one_mean_square_is_that_of_its_chi2() -> None:
+    """Exact where one part is all there is; of several equal parts no wider than their sum, no narrower than one."""
+    from scipy.stats import chi2
+
+    low, high = msa._large_sample(np.array([4.0]), np.array([7]))
+    assert (low, high) == pytest.approx((7 * 4.0 / chi2.ppf(0.975, 7), 7 * 4.0 / chi2.ppf(0.025, 7)))
+    both = msa._large_sample(np.array([4.0, 4.0]), np.array([7, 7]))
+    assert 2 * low < both[0] < 8 < both[1] < 2 * high
