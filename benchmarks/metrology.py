@@ -22,7 +22,7 @@ from metrology_rows.certificates import certificates
 from metrology_rows.indices import indices
 from metrology_rows.kinds import kinds
 from metrology_rows.poses import poses, sites, taught, tilts, white
-from metrology_rows.readings import clipped, rounding, slow, taken_for_granted
+from metrology_rows.readings import clipped, rounding, slow, taken_for_granted, warmed
 from metrology_rows.report import Report
 from metrology_rows.risks import learnt, risks
 
@@ -32,7 +32,8 @@ from station.domain.methods import uncertainty
 
 ROWS: dict[str, Callable[[int, Report], None]] = {
     "white": white, "bound": bound, "tilts": tilts, "taught": taught, "poses": poses, "rounding": rounding,
-    "method": taken_for_granted, "slow": slow, "sites": sites, "clipped": clipped, "risks": risks, "learnt": learnt,
+    "method": taken_for_granted, "temperature": warmed, "slow": slow, "sites": sites, "clipped": clipped,
+    "risks": risks, "learnt": learnt,
     "kinds": kinds, "indices": indices, "certificates": certificates,
 }  # fmt: skip
 
@@ -45,6 +46,7 @@ ABOUT = {
     "poses": "poses and other scatter that nobody stated (Type A)",
     "rounding": "converters (JCGM 100, F.2.2.1 and F.2.4.5; JCGM 101)",
     "method": "what a method takes for granted (Type B)",
+    "temperature": "temperature coefficients and a thermometer that nobody states (Type B)",
     "slow": "noise that a dwell hardly sees",
     "sites": "gravity elsewhere than at the recipe's site",
     "clipped": "readings beyond the range",

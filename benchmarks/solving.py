@@ -108,6 +108,7 @@ def bench(mean: Floats, true: Floats) -> FitProblem:
         mean=mean,
         cov=np.tile(NOISE**2 * np.eye(3), (u, v, 1, 1)),
         quantisation=np.zeros((u, v, 3)),
+        rounding=np.zeros((u, v, 3)),
         dof=np.full((u, v, 3), 1e6),
         temperature_degC=np.full((u, v), np.nan),
         true=np.broadcast_to(true, mean.shape),

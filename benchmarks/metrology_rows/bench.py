@@ -22,6 +22,8 @@ class Bench:
         self.recipe, self.count, self.report, self.seed = of, count, report, seed
         self.rng = report.generator(seed)
         self.accepted_at_limit = 0.0
+        #: What a thermometer showed at each visit (n, v), where there is one.
+        self.temperature_degC: Floats | None = None
         design = "n18" if of.name == "norm" else of.name
         self.poses = np.array([orientation(up) for up in UPS[design]])
         self.offset = 0.02 * self.rng.standard_normal((count, 3))
@@ -56,6 +58,7 @@ class Bench:
             position=Labels(names, visit),
             time_s=np.tile((np.arange(v)[:, None] * (k / 100 + 1) + np.arange(k) / 100).ravel(), n),
             reading=readings.reshape(-1, 3),
+            values={} if self.temperature_degC is None else {"temperature_degC": np.repeat(self.temperature_degC, k)},
         )
 
     def results(self, readings: Floats) -> list[CalibrationResult]:

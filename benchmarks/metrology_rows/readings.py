@@ -86,3 +86,22 @@ def clipped(units: int, report: Report) -> None:
             )
         else:
             report.show("sound readings flagged as clipped", 80, float(flagged.mean()), (0.0, 0.001), 0.0)
+
+
+def warmed(units: int, report: Report) -> None:
+    """Offsets and gains that follow the temperature as usual data sheets say, which the recipe does not; it drifts by
+    up to 4 °C, and the thermometer is off. Coefficients are to hold at the mean temperature that it shows."""
+    for design in ("six", "n18"):
+        bench = Bench(recipe(design), units, report, 55)
+        rng, v = bench.rng, len(bench.poses)
+        real = 23.0 + rng.uniform(-4, 4, (units, 1)) * np.linspace(0, 1, v)
+        shown = real + 0.231 * rng.standard_normal((units, 1))
+        of_offset, of_gain = 5e-4 * rng.standard_normal((units, 3)), 1e-4 * rng.standard_normal((units, 3))
+        values = bench.readings(true := bench.truth())
+        values += (of_offset[:, None] * (real - 23.0)[..., None])[:, :, None]
+        values += (of_gain[:, None] * true * (real - 23.0)[..., None])[:, :, None]
+        held = shown.mean(axis=1, keepdims=True) - 23.0
+        bench.offset = bench.offset + of_offset * held
+        bench.matrix = bench.matrix + np.einsum("ni,ij->nij", of_gain * held, np.eye(3))
+        bench.temperature_degC = shown
+        bench.coverage(f"temperature, nothing stated of it, {design}", values, FLOOR)

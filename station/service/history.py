@@ -54,5 +54,5 @@ def _result(row: StoredCalibration) -> PastResult | None:
         return None
     day = stored_attempt.utc_day(row.started_ns)
     # What a ratio is in units of is the rules' affair.
-    left = (residuals["ratio"], residuals["dof"]) if residuals and rules == uncertainty.RULES else None
+    left = (residuals["ratio"], residuals["dof"]) if residuals and rules in uncertainty.SAME_RATIOS else None
     return PastResult(row.serial, f"{row.station}/{row.nest}", day, row.outcome == "PASS", theta, parts, left)

@@ -161,6 +161,7 @@ def test_units_cancel(name: str, factor: float) -> None:
         mean=problem.mean * factor,
         cov=problem.cov * factor**2,
         quantisation=problem.quantisation * factor**2,
+        rounding=problem.rounding * factor**2,
         true=problem.true * factor,
         magnitude=problem.magnitude * factor,
     )
@@ -205,7 +206,8 @@ def test_its_own_recipe_is_accepted_and_forecast(name: str, rng: np.random.Gener
     """What a recipe is forecast to know is what it comes to know."""
     from station.domain.planning.forecast import forecast
 
-    recipe = tumble.recipe(name, device={"rate_hz": 100, "noise_density": 2e-4})
+    sheet = {"rate_hz": 100, "noise_density": 2e-4, "offset_tempco": 0, "gain_tempco": 0}
+    recipe = tumble.recipe(name, device=sheet)
     design.check(recipe)
     expected = forecast(recipe, pipeline.NO_ROUNDING).budget.std()
     theta = suited(name, tumble.units(rng, 30))

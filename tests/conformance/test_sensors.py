@@ -146,6 +146,7 @@ def _problem(recipe: Recipe, true: Any, rng: np.random.Generator, size: float) -
         mean=tumble.readings(ideal, true),
         cov=np.tile(1e-8 * size**2 * np.eye(3), (1, v, 1, 1)),
         quantisation=np.zeros((1, v, 3)),
+        rounding=np.zeros((1, v, 3)),
         dof=np.full((1, v, 3), 1e6),
         temperature_degC=np.full((1, v), np.nan),
         true=true[None],
@@ -225,8 +226,8 @@ def test_a_table_that_stands_still_has_no_wrong_speed() -> None:
 
 
 def test_what_gravity_and_temperature_do_is_listed_as_assumed_unless_stated(rng: np.random.Generator) -> None:
-    """A gyroscope of which nobody states it is taken to show 0.1 deg/s for 1 g; temperature coefficients of 0 are
-    said to be an assumption. Stated zeros are not."""
+    """A gyroscope of which nobody states it is taken to show 0.1 deg/s for 1 g; temperature coefficients of
+    usual data sheets are said to be an assumption. Stated zeros are not."""
     keys = {"device.g_sensitivity", "device.offset_tempco", "device.gain_tempco"}
     rest = [{"name": "rest", "rate": [0, 0, 0]}]
 

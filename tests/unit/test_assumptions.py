@@ -29,11 +29,12 @@ DISCLOSED_BY = {
     "nest tilt": {"reference.nest_std_deg"},
     "base tilt": {"reference.base_std_deg"},
     "field direction": {"reference.field_std_deg"},
+    "temperature": {"device.offset_tempco", "device.gain_tempco"},
     "method": {"device.gain_std", "device.cross_std"},
 }
 STATED = {
     "reference": ("magnitude_std", "nest_std_deg", "base_std_deg", "field_std_deg", "pose_std_deg", "site"),
-    "device": ("rounding", "gain_std", "cross_std", "g_sensitivity"),
+    "device": ("rounding", "gain_std", "cross_std", "g_sensitivity", "offset_tempco", "gain_tempco"),
 }
 
 

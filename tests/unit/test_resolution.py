@@ -73,3 +73,29 @@ def test_an_axis_whose_visits_lie_on_edges_is_not_taken_for_noisier(rng: np.rand
     assert alone > 0.25 and noise[2] == pytest.approx(1.2 * noise[:2].max()) and noise[2] < 0.2
     quiet = resolution.noise_under(np.ones(3), found.std * [0, 0, 1])
     assert quiet == pytest.approx([0, 0, alone]), "axes that never change say nothing of one that does"
+
+
+def test_few_dwells_at_one_place_do_not_dither_the_others_away(rng: np.random.Generator) -> None:
+    """Noise of a tenth of a step; of six dwells four lie at one place, two anywhere: square errors of these are as
+    large as the rounding that is counted, in the mean. Dwell by dwell it is too small where the four lie on an edge.
+    """
+    counted, one_by_one = [], []
+    for _ in range(400):
+        true = rng.uniform(0, 1, (6, 1, 3)) + 7
+        true[:4] = true[:1]
+        found = dwells(np.round(true + 0.1 * rng.standard_normal((6, 60, 3))))
+        square = (found.mean - true[:, 0])[4:] ** 2
+        left = resolution.rounding_variance(np.ones(3), resolution.noise_under(np.ones(3), found.std))
+        of_few = resolution.rounding_of_few(np.ones(3), found)
+        counted.append(square / np.where(of_few > 0, of_few, left))
+        one_by_one.append(square / left)
+    assert 0.8 < np.mean(counted) < 1.5
+    assert np.mean(one_by_one) > 1.9
+
+
+def test_rounding_of_few_says_nothing_where_dwells_tell_all(rng: np.random.Generator) -> None:
+    true = rng.uniform(0, 1, (6, 1, 3))
+    still = dwells(np.round(true) + np.array([0.0, 0.0, 1.0]) * (np.arange(60) % 2)[:, None])
+    assert resolution.rounding_of_few(np.ones(3), still)[:2].tolist() == [0, 0], "they keep what they have"
+    assert resolution.rounding_of_few(np.zeros(3), still).tolist() == [0, 0, 0]
+    assert not resolution.rounding_of_few(np.ones(3), dwells(rng.standard_normal((6, 60, 3)))).any()

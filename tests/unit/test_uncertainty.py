@@ -62,13 +62,30 @@ def test_rounding_in_the_device_enters_as_it_is_told(rng: np.random.Generator) -
 
 def test_temperature_differences_enter_by_the_sheets_coefficient(rng: np.random.Generator) -> None:
     """One of two passes 10 °C warmer: the mean offset is right, and half of 10 °C · tempco is in no pass."""
-    recipe = tumble.recipe("three-point", device={"offset_tempco": 1e-4}, reference=RIG | {"thermometer_std_degC": 0})
+    recipe = tumble.recipe(
+        "three-point", device={"offset_tempco": 1e-4, "gain_tempco": 0}, reference=RIG | {"thermometer_std_degC": 0}
+    )
     table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
     warm = np.where(table.visit == 0, 30.0, 20.0)
     found = tumble.calibrate_unit(recipe, replace(table, values={"temperature_degC": warm}), TODAY).budget
     assert found is not None
     # x is measured up while warm: its gain takes all of 1 mg, its offset (the mean of the other two) −⅓ of it.
     assert found.std("temperature")[[0, 3]] == pytest.approx([1e-3 / 3, 1e-3], rel=1e-6)
+
+
+def test_tempcos_of_usual_data_sheets_count_where_the_temperature_was_measured(rng: np.random.Generator) -> None:
+    recipe = tumble.recipe("six-point", reference=RIG)
+    table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
+    found = tumble.calibrate_unit(recipe, table, TODAY).budget
+    assert found is not None and not found.std("temperature").any()
+    measured = replace(table, values={"temperature_degC": np.full(len(table), 23.0)})
+    found = tumble.calibrate_unit(recipe, measured, TODAY).budget
+    assert found is not None
+    # 0.5 mg/°C and 0.01 %/°C, by a thermometer of class B.
+    assert found.std("temperature")[[0, 3]] == pytest.approx([5e-4 * 0.4 / 3**0.5, 1e-4 * 0.4 / 3**0.5], rel=1e-4)
+    recipe = tumble.recipe("six-point", device={"offset_tempco": 0, "gain_tempco": 0}, reference=RIG)
+    found = tumble.calibrate_unit(recipe, measured, TODAY).budget
+    assert found is not None and not found.std("temperature").any(), "what is stated as nothing is nothing"
 
 
 def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generator) -> None:

@@ -182,7 +182,8 @@ class ReducedVisits:
     the part of its diagonal that no averaging takes away; dof (v, 3) degrees of freedom of the rest; true (v, 3)
     stimulus in the device frame, in the recipe's unit (rows of NaN where the pose is unknown); std (v, 3) of one
     sample; count (v) samples; effective (v) effective sample size; time_s (v) middle of the dwell;
-    temperature_degC (v) or NaN.
+    temperature_degC (v) or NaN; rounding (v, 3): variance of rounding that the budget counts, where it is another than
+    weights go by (None: the same).
     """
 
     position: tuple[str, ...]
@@ -199,6 +200,7 @@ class ReducedVisits:
     effective: Floats
     time_s: Floats
     temperature_degC: Floats
+    rounding: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.run)

@@ -14,13 +14,15 @@ from station.errors import LogError
 
 TEXT = ("position", "seating")
 WHOLE = {"run": np.int32, "visit": np.int32, "count": np.int64}
+#: What records of before rules 10 lack.
+LATER = ("rounding",)
 _FIELDS = tuple(f.name for f in fields(ReducedVisits))
 
 
 def to_document(visits: ReducedVisits) -> dict[str, Any]:
     """Every field of the visits by name, as lists; a float that is no number becomes null in the log."""
     values = {name: getattr(visits, name) for name in _FIELDS}
-    return {name: list(v) if name in TEXT else v.tolist() for name, v in values.items()}
+    return {name: list(v) if name in TEXT else v.tolist() for name, v in values.items() if v is not None}
 
 
 def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | None = None) -> ReducedVisits:
@@ -35,7 +37,8 @@ def from_document(document: Mapping[str, Any], recipe: Recipe, truths: Truths | 
 def stored_values(document: Mapping[str, Any]) -> dict[str, Any]:
     """Every field by its name, as the document has it. Errors: LogError when it lacks one."""
     try:
-        return {name: _value(name, document[name]) for name in _FIELDS}
+        names = (name for name in _FIELDS if name in document or name not in LATER)
+        return {name: _value(name, document[name]) for name in names}
     except (KeyError, TypeError, ValueError) as exc:
         raise LogError("reduced-visits-damaged", why=str(exc)) from exc
 

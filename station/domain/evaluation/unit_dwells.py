@@ -24,7 +24,8 @@ PORTION = 200_000
 class UnitDwells:
     """The visits (v) of one unit, in order. begin_s, end_s (v): first and last sample; temperature_degC (v) or NaN;
     dwells: what the readings come to; gold: the same of the gold reference, or None; step (3): the resolution seen;
-    quantisation (v, 3): the variance of a mean that rounding leaves (station.domain.noise.resolution).
+    quantisation (v, 3): the variance of a mean that rounding leaves (station.domain.noise.resolution); rounding (v, 3):
+    the same as the budget has it, where few dwells show little of it.
     """
 
     serial: str
@@ -39,6 +40,7 @@ class UnitDwells:
     gold: DwellStatistics | None
     step: Floats
     quantisation: Floats
+    rounding: Floats | None
 
     def __len__(self) -> int:
         return len(self.run)
@@ -153,7 +155,8 @@ def _of_portion(
             dwells=own_dwells,
             gold=None if gold is None else _rows(gold, own),
             step=step,
-            quantisation=_rounding(own_dwells, step),
+            quantisation=(left := _rounding(own_dwells, step)),
+            rounding=_of_few(own_dwells, step, left),
         )
 
 
@@ -170,6 +173,11 @@ def _rows(dwells: DwellStatistics, rows: slice) -> DwellStatistics:
 def _rounding(dwells: DwellStatistics, step: Floats) -> Floats:
     noise = resolution.noise_under(step, dwells.std)
     return np.broadcast_to(resolution.rounding_variance(step, noise), dwells.mean.shape)
+
+
+def _of_few(dwells: DwellStatistics, step: Floats, plain: Floats) -> Floats | None:
+    of_few = resolution.rounding_of_few(step, dwells)
+    return np.where(of_few > 0, of_few, plain) if of_few.any() else None
 
 
 def reduce_visits(found: UnitDwells, recipe: Recipe, truths: references.Truths) -> ReducedVisits:
@@ -206,6 +214,7 @@ def reduce_visits(found: UnitDwells, recipe: Recipe, truths: references.Truths) 
         effective=np.minimum(effective, d.count)[keep],
         time_s=((found.begin_s + found.end_s) / 2)[keep],
         temperature_degC=found.temperature_degC[keep],
+        rounding=None if found.rounding is None else found.rounding[keep],
     )
 
 

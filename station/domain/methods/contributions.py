@@ -151,12 +151,17 @@ def turn_on(recipe: Recipe, fit: Fit, visits: ReducedVisits) -> Floats:
 
 
 def temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
-    """What the sheet's temperature coefficients make of differences between the visits, and of the thermometer."""
+    """What temperature coefficients make of differences between the visits, and of the thermometer. Those that nobody
+    stated count where the temperature was measured, at which the result is then said to hold."""
     u, _, v, _ = fit.jacobian.shape
-    of_offset, of_gain = assumptions.tempcos(recipe)
-    if not (of_offset or of_gain):
-        return np.zeros((u, 12, 12))
     known = np.asarray(np.isfinite(problem.temperature_degC).all(axis=1))
+    stated = recipe.device.offset_tempco, recipe.device.gain_tempco
+    of_offset, of_gain = (
+        np.where(known | (own is not None), tempco, 0.0)[:, None, None, None]
+        for own, tempco in zip(stated, assumptions.tempcos(recipe), strict=True)
+    )
+    if not (of_offset.any() or of_gain.any()):
+        return np.zeros((u, 12, 12))
     T = np.where(known[:, None], problem.temperature_degC, 0.0)
     apart = T - T.mean(axis=1, keepdims=True)
     common = np.full((u, v), assumptions.thermometer_degC(recipe))

@@ -26,18 +26,20 @@ Rows = NDArray[np.intp] | slice
 class FitProblem:
     """Visits (v) of units (u) that went through the same visits.
 
-    mean, true (u, v, 3) readings and truths in the recipe's unit; cov (u, v, 3, 3), quantisation, dof (u, v, 3) and
-    temperature_degC (u, v): see Visits; magnitude (u, v) of the truth; pose (v) number of the pose: same position and
-    seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose, scatter_visit (u): further
-    variance of a reading, common to the visits of a pose or each visit's own; patterns (k, v, 3): stated errors of the
-    truth that all visits share, and of coefficients that the method takes for granted, one standard deviation each;
-    nuisance (v, q): see Sensor.nuisance; model: matrix | offset-gain; pose_known: whether `true` is known; axes: how
-    many readings there are; turned (3, v, 3): see references.turned, of a kind whose readings are no components.
+    mean, true (u, v, 3) readings and truths in the recipe's unit; cov (u, v, 3, 3), quantisation, rounding, dof (u,
+    v, 3) and temperature_degC (u, v): see ReducedVisits; magnitude (u, v) of the truth; pose (v) number of the pose:
+    same position and seating, same pose; pose_std_rad: expected error of a pose about each axis; scatter_pose,
+    scatter_visit (u): further variance of a reading, common to the visits of a pose or each visit's own; patterns (k,
+    v, 3): stated errors of the truth that all visits share, and of coefficients that the method takes for granted,
+    one standard deviation each; nuisance (v, q): see Sensor.nuisance; model: matrix | offset-gain; pose_known:
+    whether `true` is known; axes: how many readings there are; turned (3, v, 3): see references.turned, of a kind
+    whose readings are no components.
     """
 
     mean: Floats
     cov: Floats
     quantisation: Floats
+    rounding: Floats
     dof: Floats
     temperature_degC: Floats
     true: Floats
@@ -69,7 +71,7 @@ class FitProblem:
 
     def take(self, rows: Rows) -> "FitProblem":
         """The same for some of the units."""
-        by_unit = ("mean", "cov", "quantisation", "dof", "temperature_degC", "true", "magnitude")
+        by_unit = ("mean", "cov", "quantisation", "rounding", "dof", "temperature_degC", "true", "magnitude")
         more = ("scatter_pose", "scatter_visit")
         out: dict[str, Any] = {name: _of_rows(getattr(self, name), rows) for name in (*by_unit, *more)}
         return replace(self, **out)
@@ -196,6 +198,7 @@ def fit_problem(recipe: Recipe, units: Sequence[ReducedVisits]) -> FitProblem:
         mean=np.stack([s.mean for s in units]),
         cov=np.stack([s.cov for s in units]),
         quantisation=np.stack([s.quantisation for s in units]),
+        rounding=np.stack([s.quantisation if s.rounding is None else s.rounding for s in units]),
         dof=np.stack([s.dof for s in units]),
         temperature_degC=np.stack([s.temperature_degC for s in units]),
         true=true,

@@ -29,7 +29,9 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 9
+RULES = 10
+#: Editions whose `residuals` are ratios in the same units.
+SAME_RATIOS = (9, RULES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,6 +121,7 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     """The budget of each unit. visits: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     u = len(fit.theta)
+    problem, fit = _with_rounding(problem, fit)
     pose_std, pose_dof = _pose_std(recipe, problem, fit)
     scattered, residuals = _scatter(recipe, problem, fit, hidden_scatter.bound(recipe, problem, pose_std))
     rounded = quantisation.quantisation(recipe, problem, fit)
@@ -161,6 +164,16 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
         )
         for i in range(u)
     ]
+
+
+def _with_rounding(problem: FitProblem, fit: Fit) -> tuple[FitProblem, Fit]:
+    """With as much rounding as the budget is to count; the fit weighed with what single dwells seem to show."""
+    more = problem.rounding - problem.quantisation
+    if not more.any():
+        return problem, fit
+    cov = problem.cov + contributions.diagonal(more)
+    felt = more[..., : fit.noise.shape[2]] if fit.tilt is None else more.mean(axis=2, keepdims=True)
+    return replace(problem, cov=cov, quantisation=problem.rounding), replace(fit, noise=fit.noise + felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

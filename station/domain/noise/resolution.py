@@ -13,6 +13,12 @@ SAFE_SHARE = 0.85
 MANY_DWELLS = 12
 #: The noisiest axis of a sensor over the usual one: an upright axis of data sheets has up to a fifth more.
 AXES_APART = 1.2
+#: Few dwells tell little of an axis' noise: this share of it is taken from all axes.
+SHRUNK = 0.5
+#: Means of dwells nearer than this share of a step lie at one place.
+ONE_PLACE = 0.25
+#: Beyond this mean square of coarse readings, in steps, noise dithers wherever they lie.
+DITHERED = 0.3
 #: Differences of a quantised axis are whole steps to within this share of one.
 WHOLE = 0.02
 #: Differences of fewer steps show whether levels lie on one grid.
@@ -81,6 +87,37 @@ def noise_under(step: Floats, std: Floats) -> Floats:
     if len(std) < MANY_DWELLS or not found.any():
         return np.asarray(found)
     return np.asarray(np.where(coarse, np.minimum(found, AXES_APART * np.median(found[found > 0])), found))
+
+
+def rounding_of_few(step: Floats, dwells: DwellStatistics) -> Floats:
+    """Variance (3) that rounding leaves in means of fewer than MANY_DWELLS dwells; 0 where they are more, have no
+    step, or noise dithers anyway.
+
+    Of six faces four readings of an axis lie at its offset. When that is on an edge all four look noisy, and their
+    noise would dither away the rounding of the other two. So dwells of one place count together as one; and each axis
+    is shrunk towards the mean of all (Efron & Morris 1973, J. Am. Stat. Assoc. 68, 117), since so few are hardly
+    better a guess than those of the other axes.
+    """
+    squares = dwells.std**2
+    coarse = (step > 0) & (squares.mean(axis=0) < DITHERED * step**2)
+    out = np.zeros(3)
+    if len(squares) >= MANY_DWELLS:
+        return out
+    ratio = np.array([_by_place(dwells.mean[:, i], squares[:, i], step[i]) if coarse[i] else 0.0 for i in range(3)])
+    # An axis that never changes keeps all of its rounding.
+    for i in np.flatnonzero(coarse & squares.any(axis=0)):
+        alike = coarse & np.isclose(step, step[i])
+        shrunk = (1 - SHRUNK) * ratio[i] + SHRUNK * ratio[alike].mean()
+        noise = step[i] * np.interp(SAFE_SHARE * shrunk, *_noise_by_variance())
+        out[i] = rounding_variance(step[i], noise)
+    return out
+
+
+def _by_place(mean: Floats, square: Floats, step: float) -> float:
+    """Variance of readings, in steps, as dwells (d) of one place have it on average, averaged over the places."""
+    order = np.argsort(mean, kind="stable")
+    apart = np.flatnonzero(np.diff(mean[order]) > ONE_PLACE * step) + 1
+    return float(np.mean([square[own].mean() for own in np.split(order, apart)])) / step**2
 
 
 @lru_cache(maxsize=1)

@@ -3,12 +3,12 @@
 A recipe that knows better states the value; one that knows a contribution to be nothing states 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import gravity
+from station.domain.recipe import gravity, sensor
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
@@ -25,6 +25,8 @@ FIELD_DEG = 0.2
 POSE_DEG = 10 / 60 / 3**0.5
 #: Key of scatter that no reading shows: what the log would teach of it is said under the same.
 HIDDEN_SCATTER = "residuals"
+#: Keys of what temperature does.
+TEMPCOS, THERMOMETER = ("device.offset_tempco", "device.gain_tempco"), "reference.thermometer_std_degC"
 #: Residuals of so many degrees of freedom show errors of poses by themselves.
 MIN_RESIDUAL_DOF = 3
 #: Sensitivity and cross-axis sensitivity as data sheets of MEMS sensors usually bound them.
@@ -99,8 +101,9 @@ def g_sensitivity(recipe: Recipe) -> float:
 
 
 def tempcos(recipe: Recipe) -> tuple[float, float]:
-    """Temperature coefficients of offset (unit/°C) and gain (1/°C); left out, the result holds at its temperature."""
-    return _stated_or(recipe.device.offset_tempco, 0.0), _stated_or(recipe.device.gain_tempco, 0.0)
+    """Temperature coefficients of offset (unit/°C) and gain (1/°C); left out, those of usual data sheets."""
+    of_offset, of_gain = sensor.of(recipe).usual_tempcos
+    return _stated_or(recipe.device.offset_tempco, of_offset), _stated_or(recipe.device.gain_tempco, of_gain)
 
 
 def thermometer_degC(recipe: Recipe) -> float:
@@ -138,11 +141,19 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
             _of("device.g_sensitivity", sensitivity, G_SENSITIVITY, own_unit, Message("assumed-g-sensitivity"))
         )
     source, own_unit = Message("assumed-tempco"), f"{recipe.unit}/degC"
-    found.append(_of("device.offset_tempco", device.offset_tempco, 0.0, own_unit, source))
-    found.append(_of("device.gain_tempco", device.gain_tempco, 0.0, "1/degC", source))
+    of_offset, of_gain = tempcos(recipe)
+    found.append(_of(TEMPCOS[0], device.offset_tempco, of_offset, own_unit, source))
+    found.append(_of(TEMPCOS[1], device.gain_tempco, of_gain, "1/degC", source))
     if any(tempcos(recipe)):
         found.append(thermometer(recipe))
     return tuple(found)
+
+
+def at_one_temperature(listed: tuple[Assumption, ...]) -> tuple[Assumption, ...]:
+    """The same of a budget without temperature, as where none was measured: what nobody stated of it is nothing."""
+    told = (a for a in listed if a.stated or a.key != THERMOMETER)
+    held = Message("assumed-one-temperature")
+    return tuple(replace(a, value=0.0, source=held) if a.key in TEMPCOS and not a.stated else a for a in told)
 
 
 def unknown_earth_rate(recipe: Recipe) -> Floats:
@@ -188,8 +199,8 @@ def _gold(recipe: Recipe) -> list[Assumption]:
 
 def thermometer(recipe: Recipe) -> Assumption:
     """How well the temperature is known at which the result holds."""
-    key, own = "reference.thermometer_std_degC", recipe.reference.thermometer_std_degC
-    return _of(key, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer"))
+    own = recipe.reference.thermometer_std_degC
+    return _of(THERMOMETER, own, THERMOMETER_DEGC, "degC", Message("assumed-thermometer"))
 
 
 def hides_scatter(recipe: Recipe, true: Floats) -> bool:

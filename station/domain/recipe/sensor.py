@@ -15,13 +15,15 @@ PACKAGE = "station.domain.recipe.sensors"
 class Sensor(Protocol):
     """A sensor kind. unit: of its readings; quantity: what it measures, in words; sources: what may excite it;
     feels_earth_rate: whether the Earth's turning is part of its stimulus; large_offset: whether a good unit's offset
-    may exceed the stimulus, so that neither size nor direction of a raw reading says anything."""
+    may exceed the stimulus, so that neither size nor direction of a raw reading says anything; usual_tempcos: of offset
+    (unit/degC) and gain (1/degC), as data sheets usually bound them."""
 
     unit: ClassVar[str]
     quantity: ClassVar[str]
     sources: ClassVar[tuple[str, ...]]
     feels_earth_rate: ClassVar[bool]
     large_offset: ClassVar[bool]
+    usual_tempcos: ClassVar[tuple[float, float]]
 
     def truth_errors(
         self, recipe: "Recipe", position: tuple[str, ...], seating: tuple[str, ...], true: Floats

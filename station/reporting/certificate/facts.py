@@ -15,6 +15,7 @@ from station.domain.methods.coefficients import GAINS, NAMES
 from station.domain.product.as_found import Moment, held_calibration
 from station.domain.product.device_map import DeviceMap
 from station.domain.recipe import assumptions
+from station.domain.recipe.assumptions import Assumption
 from station.domain.recipe.recipe import Recipe
 from station.domain.records import stored_attempt
 from station.domain.records.issued_certificate import Edition, digests_of
@@ -90,13 +91,20 @@ def of_attempt(
         "references": references(recipe),
         "assumptions": [
             {"key": a.key, "std": a.value, "unit": a.unit, "stated": a.stated, "source": render(a.source)}
-            for a in assumptions.listing(recipe)
+            for a in assumed(recipe, fit)
         ],
         "history": [render(message) for message in what_log_taught(recipe, known)],
         "log": {"attempt": stored["attempt"], "seal": stored["seal"], "head": asdict(head),
                 "config": stored["config_hash"], "witness": None if receipt is None else dict(receipt)},
         "signatures": stored_attempt.signatures(stored),
     }  # fmt: skip
+
+
+def assumed(recipe: Recipe, fit: Mapping[str, Any]) -> tuple[Assumption, ...]:
+    """Every contribution as stated or assumed in the budget of that calibration, which may be an older one."""
+    listed = assumptions.listing(recipe)
+    with_temperature = any(b["parts"].get("temperature") for b in fit["budget"])
+    return listed if with_temperature else assumptions.at_one_temperature(listed)
 
 
 def _adjustment(writes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

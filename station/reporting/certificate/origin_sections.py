@@ -64,7 +64,7 @@ def origin_tables(
     return (
         w.section("cert_reference", (), _reference(w, recipe)),
         w.table("certificate-traceability", _TRACEABILITY, _traceability(content)),
-        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, content, recipe, known)),
+        w.table("certificate-assumptions", _ASSUMPTIONS, _assumptions(w, stored, recipe, known)),
         w.section("cert_provenance", (), _provenance(w, stored, content)),
     )
 
@@ -73,11 +73,11 @@ def _traceability(content: Mapping[str, Any]) -> Rows:
     return tuple((r["item"], r["number"] or "–", r["due"], r["issuer"] or "–") for r in content["references"])
 
 
-def _assumptions(w: SectionWriter, content: Mapping[str, Any], recipe: Recipe, known: History) -> Rows:
+def _assumptions(w: SectionWriter, stored: Mapping[str, Any], recipe: Recipe, known: History) -> Rows:
     keys = ("limits.process", "reproducibility", "residuals")
-    learnt = facts.what_log_taught(recipe, known)
-    listed = assumptions.listing(recipe)
-    if content["conditions"]["temperature_degC"] is not None:
+    learnt, fit = facts.what_log_taught(recipe, known), stored_attempt.result(stored, "calibration")
+    listed = facts.assumed(recipe, fit)
+    if fit.get("temperature_degC") is not None:
         listed = (*listed, *(a for a in [assumptions.thermometer(recipe)] if a not in listed))
     return (
         *((_contribution(w, a.key), _standard(a), w.render(a.source)) for a in listed),

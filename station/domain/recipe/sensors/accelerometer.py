@@ -16,6 +16,8 @@ class Accelerometer:
     unit: ClassVar[str] = "g"
     quantity: ClassVar[str] = "acceleration"
     sources: ClassVar[tuple[str, ...]] = ("gravity", "gold")
+    #: LIS3DH, ADXL345: 0.4 to 1.2 mg/degC, 0.01 %/degC.
+    usual_tempcos: ClassVar[tuple[float, float]] = (5e-4, 1e-4)
     feels_earth_rate: ClassVar[bool] = False
     large_offset: ClassVar[bool] = False
 

@@ -20,6 +20,8 @@ class Gyroscope:
     unit: ClassVar[str] = "deg/s"
     quantity: ClassVar[str] = "rate"
     sources: ClassVar[tuple[str, ...]] = ("rate", "gold")
+    #: ICM-20948, L3GD20H: 0.04 to 0.05 deg/s/degC; 4 % over 125 degC.
+    usual_tempcos: ClassVar[tuple[float, float]] = (0.05, 3e-4)
     feels_earth_rate: ClassVar[bool] = True
     large_offset: ClassVar[bool] = False
 

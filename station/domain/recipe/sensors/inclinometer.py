@@ -30,6 +30,8 @@ class Inclinometer:
     conventions: ClassVar[tuple[str, ...]] = ("horizon", "projected", "about-z", "about-z-360")
     methods: ClassVar[tuple[str, ...]] = ("n-point", "one-point")
     unit_per_rad: ClassVar[float] = float(np.rad2deg(1.0))
+    #: usual CiA 410 devices: 0.01 deg/degC, 0.01 %/degC.
+    usual_tempcos: ClassVar[tuple[float, float]] = (0.01, 1e-4)
     feels_earth_rate: ClassVar[bool] = False
     #: An angle may be nothing but its offset: size and direction of (x, y) say nothing about a face.
     large_offset: ClassVar[bool] = True

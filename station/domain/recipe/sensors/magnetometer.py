@@ -16,6 +16,8 @@ class Magnetometer:
     unit: ClassVar[str] = "uT"
     quantity: ClassVar[str] = "magnetic field"
     sources: ClassVar[tuple[str, ...]] = ("field", "gold")
+    #: LSM303AGR, LIS2MDL: 0.3 mG/degC, 0.03 %/degC.
+    usual_tempcos: ClassVar[tuple[float, float]] = (0.03, 3e-4)
     feels_earth_rate: ClassVar[bool] = False
     large_offset: ClassVar[bool] = True
 
