@@ -207,7 +207,7 @@ class World:
         self.server.restart()
 
     def settle(self, within_s: float) -> None:
-        """The writers rest, and what is on its way arrives. Raises AssertionError where it does not."""
+        """The writers rest, and what is on its way arrives. Raises AssertionError where nothing more came within_s."""
         self.resting.touch()
         for child in self.children["writer"]:
             os.waitpid(child.pid, 0)
@@ -216,10 +216,13 @@ class World:
         until = time.monotonic() + within_s
         arrived = dict[str, int]()
         while time.monotonic() < until:
+            before = arrived
             with suppress(psycopg.Error), psycopg.connect(self.address) as db:
                 arrived = dict(db.execute("SELECT station, number FROM log WHERE current").fetchall())
             if arrived == wanted:
                 return
+            if arrived != before:
+                until = time.monotonic() + within_s
             time.sleep(0.1)
         shown = [s.document() for station in self.stations for s in read_statuses(station.path)]
         raise AssertionError(f"{arrived} of {wanted}: {shown}")
