@@ -1,7 +1,7 @@
 """What a page, an auditor and a report ask of a plant: the questions of the log, in PostgreSQL's words."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -42,9 +42,12 @@ def lives_of(db: psycopg.Connection, attempts: Sequence[Attempt]) -> list[dict[s
 
 def _lives(db: psycopg.Connection, attempts: Sequence[Attempt]) -> Iterator[dict[str, Any]]:
     numbers = [attempt.number for attempt in attempts]
-    visits, results, writes, events, seals = (
-        _by_attempt(db, query, numbers) for query in (_VISITS, _RESULTS, _WRITES, _EVENTS, _SEALS)
-    )
+    with db.pipeline():  # the five questions on one way to the server and back
+        asked = [
+            db.cursor(row_factory=dict_row).execute(query.encode(), [numbers])
+            for query in (_VISITS, _RESULTS, _WRITES, _EVENTS, _SEALS)
+        ]
+    visits, results, writes, events, seals = map(_by_attempt, asked)
     for attempt in attempts:
         own = attempt.number
         sealed = seals.get(own)
@@ -61,11 +64,10 @@ def _lives(db: psycopg.Connection, attempts: Sequence[Attempt]) -> Iterator[dict
         }
 
 
-def _by_attempt(db: psycopg.Connection, query: str, numbers: list[int]) -> dict[int, list[dict[str, Any]]]:
+def _by_attempt(rows: Iterable[dict[str, Any]]) -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}
-    with db.cursor(row_factory=dict_row) as cursor:
-        for row in cursor.execute(query.encode(), [numbers]):
-            found.setdefault(row.pop("attempt"), []).append(row)
+    for row in rows:
+        found.setdefault(row.pop("attempt"), []).append(row)
     return found
 
 
