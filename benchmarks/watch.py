@@ -117,7 +117,7 @@ def _quiet(loads: int, seed: int, scatter: Scatter, lasting: int, mended: int) -
         raised, ended = raised + len(found[0]), ended + len(found[1])
     part = max(1, loads // 10)
     early, late = np.median(spent[:part]) * 1e3, np.median(spent[-part:]) * 1e3
-    print(f"{loads} loads, {bank.streams} streams, ", end="")
+    print(f"{loads} loads, {bank.components} streams, ", end="")
     if lasting or mended:
         print(f"{lasting} changes that last, {mended and (loads - 1) // mended} put right: {raised} alerts", end="")
     else:

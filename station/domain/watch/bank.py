@@ -1,12 +1,12 @@
 """All streams of one station and recipe watched together; each change is one alert, open until it is put right.
 
-A stream alarms when its evidence reaches K · ARL, K streams in all; exchangeable values then give it at most
-n / (K · ARL) alarms within n loads on average (ShiftDetector). Expectations add up, however the streams depend on each
-other: the bank gives at most n / ARL false alarms.
+A stream alarms when its evidence, times its share, reaches K · ARL, K components in all; exchangeable values then give
+it at most share · n / (K · ARL) alarms within n loads on average (ShiftDetector). The shares add up to K, and
+expectations add up, however the streams depend on each other: the bank gives at most n / ARL false alarms.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,11 +17,12 @@ from station.domain.watch.change_point import Change
 from station.domain.watch.e_detector import LEARN, likelihood_ratios
 from station.domain.watch.put_right import ReturnTest
 from station.domain.watch.signals import WatchedSignal
-from station.domain.watch.stream import Stream
+from station.domain.watch.stream import Course, Stream, streams_of
 
 DEFAULT_RUN_LENGTH = 1000
-#: Beginnings this many loads apart, or this share of the loads since then, are one change.
-_SAME_LOADS, _SAME_SHARE = 5, 0.25
+#: Beginnings this many loads apart, or this share of the loads since then, are one change; so are any that the loads
+#: tell apart by less than 1000 : 1, for as rarely does another change begin while an alert is open.
+_SAME_LOADS, _SAME_SHARE, _SAME_NATS = 5, 0.25, math.log(1000)
 #: An open alert is estimated anew when so many more loads came, as a share of those since it began.
 _RENEWED_SHARE = 0.01
 #: Causes whose log likelihoods are this near cannot be told apart.
@@ -48,8 +49,8 @@ class LoadValues:
 class Alert:
     """One change. place: the likeliest; others: places that the data cannot tell from it; begin, low, high: loads;
     raised: the load at which it was found; ended: the first load put right, None while it lasts; changes: by component
-    of the place; loads: the newest load in them; watched: (place, component) that alarmed; returning: of the components
-    that it shows in, whether they are as before."""
+    of the place; loads: the newest load in them; watched: (place, stream) that alarmed, the first of them first;
+    returning: of the components that it shows in, whether they are as before."""
 
     place: WatchedPlace
     others: tuple[WatchedPlace, ...]
@@ -60,15 +61,15 @@ class Alert:
     changes: tuple[Change, ...]
     loads: int
     ended: int | None = None
-    watched: set[tuple[WatchedPlace, int]] = field(default_factory=set)
+    watched: list[tuple[WatchedPlace, int]] = field(default_factory=list)
     returning: ReturnTest | None = None
 
 
 class WatchBank:
-    """streams: how many there will be, None: as many as have come so far; run_length: loads to a false alarm."""
+    """components: how many there will be, None: as many as have come so far; run_length: loads to a false alarm."""
 
-    def __init__(self, streams: int | None = None, run_length: float = DEFAULT_RUN_LENGTH) -> None:
-        self._expected, self.run_length = streams, run_length
+    def __init__(self, components: int | None = None, run_length: float = DEFAULT_RUN_LENGTH) -> None:
+        self._expected, self.run_length = components, run_length
         self._streams: dict[WatchedPlace, list[Stream]] = {}
         self.open: list[Alert] = []
         self.loads = 0
@@ -76,12 +77,12 @@ class WatchBank:
     @property
     def threshold(self) -> float:
         """Evidence at which a stream alarms."""
-        return max(self._expected or 0, self.streams) * self.run_length
+        return max(self._expected or 0, self.components) * self.run_length
 
     @property
-    def streams(self) -> int:
-        """Streams so far."""
-        return sum(map(len, self._streams.values()))
+    def components(self) -> int:
+        """Of all places so far."""
+        return sum(streams[0].course.components for streams in self._streams.values())
 
     @property
     def testing(self) -> bool:
@@ -91,12 +92,11 @@ class WatchBank:
     def add(self, load: LoadValues) -> tuple[list[Alert], list[Alert]]:
         """One load more: alerts that it raised, and alerts that it showed to be put right."""
         self.loads += 1
-        suspended = {key for alert in self.open for key in alert.watched}
+        suspended = {key for alert in self.open for place, i in alert.watched for key in self._explained(place, i)}
         for place, values in load.values.items():
             if place not in self._streams:
-                self._streams[place] = [Stream(f"{place}/{i}") for i in range(len(values))]
-            for stream, value in zip(self._streams[place], values, strict=True):
-                stream.add(load.number, float(value))
+                self._streams[place] = streams_of(Course(len(values)), str(place))
+            self._streams[place][0].course.add(load.number, values)
         self._test(load, suspended)
         ended = [alert for alert in self.open if self._is_righted(alert, load)]
         for alert in ended:
@@ -108,8 +108,7 @@ class WatchBank:
         """What all loads so far say of it: place, beginning and size; the same as before while they are hardly more."""
         if self._streams[alert.place][0].loads[-1] - alert.loads < _RENEWED_SHARE * (alert.loads - alert.begin):
             return
-        place, i = max(alert.watched, key=lambda key: self._nats(key[0], alert.begin))
-        stream = self._streams[place][i]
+        stream = max((self._streams[place][i] for place, i in alert.watched), key=lambda s: _nats([s], alert.begin))
         found = _find(stream, stream.first_near(stream.first_after(alert.low)))
         if found is not None:
             alert.begin, alert.low, alert.high = (stream.loads[i] for i in (found.begin, found.low, found.high))
@@ -129,10 +128,10 @@ class WatchBank:
     def _alarms(self, suspended: Iterable[tuple[WatchedPlace, int]]) -> list[tuple[WatchedPlace, int]]:
         threshold, left_out = self.threshold, set(suspended)
         over = [
-            (stream.detector.evidence, (place, i))
+            (stream.evidence, (place, i))
             for place, streams in self._streams.items()
             for i, stream in enumerate(streams)
-            if (place, i) not in left_out and stream.detector.evidence >= threshold
+            if (place, i) not in left_out and stream.evidence >= threshold
         ]
         return [key for _, key in sorted(over, key=lambda found: -found[0])]
 
@@ -145,18 +144,18 @@ class WatchBank:
         begin, low, high = (stream.loads[i] for i in (change.begin, change.low, change.high))
         stream.changed(change.begin)
         for alert in self.open:
-            apart = max(_SAME_LOADS, _SAME_SHARE * (load - alert.begin + 1))
-            if low - apart <= alert.begin <= high + apart:
-                alert.watched.add(key)
+            apart = max(_SAME_LOADS, int(_SAME_SHARE * (load - alert.begin + 1)))
+            if low - apart <= alert.begin <= high + apart or _began_with(alert, stream, apart):
+                alert.watched.append(key)
                 return None
-        alert = Alert(key[0], (), begin, low, high, load, (change,), load, watched={key})
+        alert = Alert(key[0], (), begin, low, high, load, (change,), load, watched=[key])
         self._name(alert)
         self.open.append(alert)
         return alert
 
     def _name(self, alert: Alert) -> None:
         """The place that the change shows in most, and those near it."""
-        nats = {place: self._nats(place, alert.begin) for place in self._streams}
+        nats = {place: _nats(self._components(place), alert.begin) for place in self._streams}
         best = max(nats, key=lambda place: nats[place])
         alert.place = best
         near = (p for p, n in nats.items() if p != best and n >= nats[best] - _NEAR_NATS)
@@ -168,37 +167,38 @@ class WatchBank:
     def _changes(self, place: WatchedPlace, load: int) -> tuple[Change, ...]:
         """Of each component, as from a load on; a drift only where the components' own maximum is one."""
         found = []
-        for stream in self._streams[place]:
+        for stream in self._components(place):
             begin = stream.first_after(load)
-            if not 0 < begin < len(stream.values):
+            if not 0 < begin < len(stream):
                 return ()
             first = stream.first_near(begin)
             own = _find(stream, first)
             drifting = own is not None and own.slope != 0 and abs(own.begin - begin) <= max(_SAME_LOADS, begin // 4)
-            found.append(change_point.at(stream.values[first:], begin - first, drifting=drifting))
+            found.append(change_point.at(stream.values(first), begin - first, drifting=drifting))
         return tuple(found)
 
-    def _nats(self, place: WatchedPlace, load: int) -> float:
-        """Log likelihood ratio of a change in all components there, less what chance gives them."""
-        changes = [
-            change_point.at(*s.near(begin))
-            for s in self._streams[place]
-            if 1 < (begin := s.first_after(load)) < len(s.values)
-        ]
-        return sum(c.nats for c in changes) - len(changes) / 2 if changes else -math.inf
+    def _explained(self, place: WatchedPlace, i: int) -> list[tuple[WatchedPlace, int]]:
+        """The streams of a place that a change in one of them shows in: all that are along any of its components."""
+        streams = self._streams[place]
+        return [(place, k) for k, other in enumerate(streams) if np.abs(streams[i].direction) @ np.abs(other.direction)]
+
+    def _components(self, place: WatchedPlace) -> list[Stream]:
+        """The streams along single components."""
+        streams = self._streams[place]
+        return streams[: streams[0].course.components]
 
     def _is_righted(self, alert: Alert, load: LoadValues) -> bool:
         """Whether those components of the place that the change shows in are as before; notes since which load."""
         if alert.place not in load.values or not alert.changes:
             return False
         most = max(c.nats for c in alert.changes)
-        pairs = zip(self._streams[alert.place], alert.changes, strict=True)
+        pairs = zip(self._components(alert.place), alert.changes, strict=True)
         shown = [(s, c) for s, c in pairs if c.nats >= min(most, _NEAR_NATS)]
         first = shown[0][0].first_after(alert.begin)
         if alert.returning is None:
             alert.returning = ReturnTest(np.array([(c.after - c.before) / c.std for _, c in shown]))
         begin = first + len(alert.returning)
-        alert.returning.extend(np.array([(s.values[begin:] - c.before) / c.std for s, c in shown]).T)
+        alert.returning.extend(np.array([(s.values(begin) - c.before) / c.std for s, c in shown]).T)
         found = alert.returning.righted_since()
         if found is not None:
             alert.ended = shown[0][0].loads[first + found]
@@ -211,18 +211,34 @@ class WatchBank:
         watched = {place for place, _ in alert.watched}
         for place, streams in self._streams.items():
             if place not in held and (place in watched or any(_shows(stream, alert) for stream in streams)):
+                course = streams[0].course
+                course.keep(course.first_after(alert.begin))
                 for stream in streams:
-                    stream.forget(alert.begin)
+                    stream.changed(len(stream))
         for other in self.open:
             other.returning = None
 
 
 def _find(stream: Stream, first: int) -> Change | None:
     """The likeliest change in the values from the first on; its indices are those of all values."""
-    found = change_point.find(stream.values[first:])
+    found = change_point.find(stream.values(first))
     if found is None:
         return None
     return replace(found, begin=first + found.begin, low=first + found.low, high=first + found.high)
+
+
+def _nats(streams: Sequence[Stream], load: int) -> float:
+    """Log likelihood ratio of a change in all of them with this load, less what chance gives them."""
+    known = [(s, begin) for s in streams if 1 < (begin := s.first_after(load)) < len(s)]
+    changes = [change_point.at(*stream.near(begin)) for stream, begin in known]
+    return sum(c.nats for c in changes) - len(changes) / 2 if changes else -math.inf
+
+
+def _began_with(alert: Alert, stream: Stream, apart: int) -> bool:
+    """Whether what the stream shows may well have begun with the alert, however its own noise has it."""
+    first = stream.first_recent()
+    begin = stream.first_after(alert.begin) - first
+    return begin > 0 and change_point.nats_against(stream.values(first), begin, apart) < _SAME_NATS
 
 
 def _shows(stream: Stream, alert: Alert) -> bool:

@@ -64,14 +64,18 @@ def find(values: Values) -> Change | None:
     x, std = with_spread(values)
     if len(x) <= _LEAST_BEFORE + 1:
         return None
-    middle = float(np.median(x[: max(_LEAST_BEFORE, len(x) // 2)]))
-    # A jump beyond the clip stays one: it is clipped about the level before it.
-    clipped = np.clip(x, middle - 4 * _CLIP * std, middle + 4 * _CLIP * std)
-    jumps, drifts = _jump_nats(clipped, std), _drift_nats(clipped, std)
+    jumps, drifts = _by_beginning(x, std)
     drifting = float(drifts.max()) > float(jumps.max()) + _DRIFT_NATS
     nats = drifts if drifting else _jump_posterior(x, std, int(jumps.argmax()))
     begin, low, high = _likeliest(nats)
     return at(values, begin, (low, high), drifting=drifting)
+
+
+def nats_against(values: Values, begin: int, near: int) -> float:
+    """Log likelihood ratio of the likeliest beginning against the likeliest within `near` values of `begin`."""
+    x, std = with_spread(values)
+    nats = np.maximum(*_by_beginning(x, std))
+    return float(nats.max() - nats[max(0, begin - near) : begin + near + 1].max(initial=-np.inf))
 
 
 def at(values: Values, begin: int, span: tuple[int, int] | None = None, *, drifting: bool = False) -> Change:
@@ -89,6 +93,14 @@ def at(values: Values, begin: int, span: tuple[int, int] | None = None, *, drift
     low, high = span or (begin, begin)
     nats = (size / size_std) ** 2 / 2
     return Change(begin, low, high, level, level + size, std, size_std, slope, slope_std, nats)
+
+
+def _by_beginning(x: Floats, std: float) -> tuple[Floats, Floats]:
+    """Log likelihood ratios (n) of a jump and of a ramp that begins with each value."""
+    middle = float(np.median(x[: max(_LEAST_BEFORE, len(x) // 2)]))
+    # A jump beyond the clip stays one: it is clipped about the level before it.
+    clipped = np.clip(x, middle - 4 * _CLIP * std, middle + 4 * _CLIP * std)
+    return _jump_nats(clipped, std), _drift_nats(clipped, std)
 
 
 def _level(before: Floats, std: float) -> tuple[float, float]:
