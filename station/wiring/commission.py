@@ -69,7 +69,7 @@ def commission_fixture(
     simulate = order.simulate or is_rehearsal(settings)
     if order.device_state is not None and not simulate:
         raise UsageError("option-needs-simulate", option="--device-state")
-    product = _product_identity(source)
+    product = product_identity(job, source)
     seats = _seats(settings, job, order, product)
     with ExitStack() as opened:
         if simulate:
@@ -96,14 +96,19 @@ def commissioning_bench(bus: Bus, clock: Clock, nodes: Sequence[int], boot_s: fl
     return CommissioningBench(CanopenLssMaster(network), device, clock, boot_s)
 
 
-def _product_identity(source: Source) -> LssIdentity:
-    """Vendor, product and revision as product file and EDS know them; serial 0."""
-    if source.eds is None:
-        raise ProductError("product-without-eds", file=str(source.product))
-    entries = eds.load(source.eds, 1, frozenset()).entries
+def product_identity(job: Job, source: Source) -> LssIdentity:
+    """Vendor, product and revision as the product file states them, else its EDS; what neither knows is 0, serial too.
+    Of a least revision that is stated beside one in the EDS the latter counts."""
+    stated = job.product.identity
+    entries = {} if source.eds is None else eds.load(source.eds, 1, frozenset()).entries
     defaults = [entries[_IDENTITY, sub].default if (_IDENTITY, sub) in entries else 0 for sub in range(1, 4)]
     vendor, product, revision = (value if isinstance(value, int) else 0 for value in defaults)
-    return LssIdentity(vendor, product, revision, 0)
+    return LssIdentity(
+        vendor if stated.vendor is None else stated.vendor,
+        product if stated.product is None else stated.product,
+        revision or stated.revision_at_least or 0,
+        0,
+    )
 
 
 def _seats(settings: Settings, job: Job, order: CommissionOrder, product: LssIdentity) -> list[NodeSeat]:
@@ -156,8 +161,10 @@ def _simulated(
 ) -> tuple[Clock, Bus, SimulatedHands]:
     """A bus with a fresh device in every nest: those with the scanned labels, then SN0001, SN0002 …
 
-    These begin in the last nest, so that a scan alone gets the nests wrong.
+    These begin in the last nest, so that a scan alone gets the nests wrong. Errors: ProductError without an EDS.
     """
+    if source.eds is None:
+        raise ProductError("product-without-eds", file=str(source.product))
     clock = VirtualClock(SystemClock().epoch_ns())
     bus = SimulatedBus(clock)
     serials = dict(zip(order.nests, order.serials, strict=True))

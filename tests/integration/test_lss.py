@@ -21,7 +21,9 @@ from station.messages import render
 from station.ports.bus import Endpoint
 from station.ports.lss import UNCONFIGURED, LssIdentity
 from station.service.commission import assign_nodes, store_bit_rate
-from station.wiring.commission import commissioning_bench, fresh_device
+from station.wiring.commission import commissioning_bench, fresh_device, product_identity
+from station.wiring.jobs import load_job
+from tests.fakes import plant_device as plant
 from tests.fakes.lss_fleet import (
     PRODUCT,
     WIRE_S,
@@ -49,6 +51,12 @@ def test_fresh_devices_that_share_an_id_or_have_none_get_those_of_their_labels(c
     fleet = Fleet([Member(i, factory=factory) for i in reversed(labels)])
     seats = seats_of(NODES[:count], labels)
     assert mistakes(fleet, seats, fleet.commission(seats)) == []
+
+
+@pytest.mark.parametrize("left_out", ["eds", "identity"])
+def test_the_product_file_says_whom_to_select_and_else_the_eds(tmp_path: Path, left_out: str) -> None:
+    job, source = load_job(plant.recipe(tmp_path, product={left_out: None}))
+    assert product_identity(job, source) == LssIdentity(0x000CA1B0, 0x00000ACC, 0x00010000, 0)
 
 
 def test_sixteen_fresh_devices_without_labels_are_found_by_scans() -> None:
@@ -164,6 +172,34 @@ def test_the_bit_rate_is_configured_stored_and_refused_outside_the_table() -> No
     assert fleet.devices[0].slave.bit_timing == 4
     with pytest.raises(UsageError, match="42 kbit/s is not in the table"):
         master.configure_bit_rate(42)
+
+
+@pytest.mark.parametrize(
+    ("command", "error", "said"),
+    [
+        (0x11, 1, "refused to take a node id by LSS: the value is not among those it takes (error 1, detail 9)"),
+        (0x17, 1, "refused to store its settings by LSS: it cannot store them (error 1, detail 9)"),
+        (0x17, 2, "refused to store its settings by LSS: its memory failed (error 2, detail 9)"),
+        (0x13, 255, "refused to take a bit rate by LSS: for a reason of its maker (error 255, detail 9)"),
+    ],
+)
+def test_a_refusal_names_the_unit_and_what_the_error_means(
+    monkeypatch: pytest.MonkeyPatch, command: int, error: int, said: str
+) -> None:
+    """CiA 305: 1 is out of range or unable to store, 2 a failed memory, 255 the maker's."""
+    take = LssSlave.take
+
+    def refusing(slave: LssSlave, data: bytes) -> Any:
+        return (bytes([command, error, 9, 0, 0, 0, 0, 0]),) if data[0] == command else take(slave, data)
+
+    monkeypatch.setattr(LssSlave, "take", refusing)
+    master = Fleet([Member(identity(5))]).bench(NODES).lss
+    assert master.select(identity(5))
+    with pytest.raises(UnitFault) as refused:
+        master.configure_node(17)
+        master.store()
+        master.configure_bit_rate(125)
+    assert f"Serial 5 {said}" in render(refused.value.message)
 
 
 def test_devices_on_a_real_multicast_bus_are_addressed_in_real_time() -> None:

@@ -13,6 +13,7 @@ from station.adapters.canopen import lss_transfer
 from station.adapters.canopen.lss_transfer import LssRequest, lss_frame
 from station.adapters.canopen.network import ServiceNetwork
 from station.errors import BusFault, DeviceSilent, UnitFault, UsageError
+from station.messages import Message
 from station.ports.lss import UNCONFIGURED, LssIdentity
 
 LSS_REQUEST, LSS_ANSWER = 0x7E5, 0x7E4
@@ -45,6 +46,7 @@ class CanopenLssMaster:
         self._slowness = 1
         self._inbox: deque[bytes] = deque(maxlen=_MOST_WAITING)
         self._last: LssRequest | None = None
+        self._selected: LssIdentity | None = None
         network.subscribe(LSS_ANSWER, lambda _id, data, _time: self._inbox.append(bytes(data)))
 
     def release(self) -> None:
@@ -88,29 +90,34 @@ class CanopenLssMaster:
     def inquire(self) -> LssIdentity:
         """Four numbers, one answer each."""
         commands = lss_transfer.INQUIRE
-        numbers = [self._ask(lss_frame(c), c, "inquire identity", alone=c == commands[-1])[1:5] for c in commands]
+        numbers = [
+            self._ask(lss_frame(c), c, Message("lss-to-say-its-identity"), alone=c == commands[-1])[1:5]
+            for c in commands
+        ]
         return LssIdentity(*(int.from_bytes(n, "little") for n in numbers))
 
     def node_id(self) -> int:
         """Active node id."""
-        return self._ask(lss_frame(lss_transfer.INQUIRE_NODE), lss_transfer.INQUIRE_NODE, "inquire node id")[1]
+        return self._ask(
+            lss_frame(lss_transfer.INQUIRE_NODE), lss_transfer.INQUIRE_NODE, Message("lss-to-say-its-node")
+        )[1]
 
     def configure_node(self, node: int) -> None:
         """Pending node id. Errors: UsageError for one that is none."""
         if not 1 <= node <= 127 and node != UNCONFIGURED:
             raise UsageError("lss-node", node=node)
-        self._command(lss_frame(lss_transfer.CONFIGURE_NODE, node), "configure node id")
+        self._command(lss_frame(lss_transfer.CONFIGURE_NODE, node), Message("lss-to-take-a-node"))
 
     def configure_bit_rate(self, kbit_s: int) -> None:
         """Pending bit rate. Errors: UsageError for one that is not in CiA 305's table."""
         if kbit_s not in lss_transfer.BIT_TIMINGS:
             raise UsageError("lss-bit-rate", kbit_s=kbit_s, known=tuple(lss_transfer.BIT_TIMINGS))
         index = lss_transfer.BIT_TIMINGS[kbit_s]
-        self._command(lss_frame(lss_transfer.CONFIGURE_BIT_TIMING, 0, index), "configure bit timing")
+        self._command(lss_frame(lss_transfer.CONFIGURE_BIT_TIMING, 0, index), Message("lss-to-take-a-bit-rate"))
 
     def store(self) -> None:
         """Store configuration."""
-        self._command(lss_frame(lss_transfer.STORE), "store configuration", self._timing.store_s)
+        self._command(lss_frame(lss_transfer.STORE), Message("lss-to-store"), self._timing.store_s)
 
     def _early(self) -> UnitFault:
         """Nobody was selected; who is being configured all the same?"""
@@ -122,14 +129,17 @@ class CanopenLssMaster:
         found = self.inquire()
         if found != wanted:
             raise UnitFault("lss-other-identity", wanted=wanted.serial, found=found.serial)
+        self._selected = found
 
-    def _command(self, data: bytes, service: str, timeout_s: float | None = None) -> None:
+    def _command(self, data: bytes, service: Message, timeout_s: float | None = None) -> None:
         answer = self._ask(data, data[0], service, timeout_s, alone=True)
         if answer[1]:
-            raise UnitFault("lss-refused", service=service, error=answer[1], detail=answer[2])
+            serial = 0 if self._selected is None else self._selected.serial
+            why = _why_refused(data[0], answer[1])
+            raise UnitFault("lss-refused", serial=serial, service=service, why=why, error=answer[1], detail=answer[2])
 
     def _ask(
-        self, data: bytes, answer: int, service: str, timeout_s: float | None = None, *, alone: bool = False
+        self, data: bytes, answer: int, service: Message, timeout_s: float | None = None, *, alone: bool = False
     ) -> bytes:
         wait_s = timeout_s or self._timing.answer_s
         got = self._exchange(LssRequest(data, answer, alone=alone), wait_s)
@@ -181,3 +191,10 @@ class CanopenLssMaster:
             return
         if self._last is None or not self._last.several:
             raise BusFault("lss-answered-twice", command=answer[0])
+
+
+def _why_refused(command: int, error: int) -> Message:
+    """What CiA 305 says of an error of a configuration service: 1 and 2 are defined, the rest is the maker's."""
+    if error == 1:
+        return Message("lss-cannot-store" if command == lss_transfer.STORE else "lss-out-of-range")
+    return Message("lss-memory-failed" if error == 2 and command == lss_transfer.STORE else "lss-reason-of-maker")
