@@ -51,7 +51,7 @@ def scan(panel: Panel, who: Account, form: ActionForm) -> str:
         )
     _check_room(panel, nest)
     _clear_finished_load(panel)
-    panel.journal.add(who.name, "scan", serial=form.serial, nest=nest)
+    panel.journal.add(who.name, "scan", serial=form.serial, **({"nest": nest} if nest else {}))
     return _queue(panel, form.serial, nest)
 
 

@@ -27,6 +27,7 @@ def nest_sentence(nest_a: list[float], others: list[float], limits: tuple[float,
 
 def test_the_unit_or_the_nest() -> None:
     assert nest_sentence([], [1.0] * 9) == ""
+    assert "that day: 1 other unit, median" in nest_sentence([1.0], [1.0] * 9)
     assert nest_sentence([1.0] * 4, [1.0] * 9).startswith("The same nest (A) that day: 4 other units")
     assert nest_sentence([1.0] * 9, [1.0] * 9, None).startswith("The same nest (A) that day: 9 other units")
     assert nest_sentence([1.0] * 9, [1.0] * 9).startswith("The unit, not the nest: 9 other units in A met this limit")

@@ -148,10 +148,10 @@ const ScreenView = (() => {
     const head = [h("div", { class: "top" }, letter(name), attempt(nest)), serial(nest.serial)];
     if (look === "scan" || look === "ready") {
       const last = nest.last && nest.attempts ? h("p", { class: "past" }, fill("failed_at", { time: moment(nest.last.at_s) }), " ", h("b", {}, nest.last.reason)) : "";
+      head[0].append(may.run ? h("button", { type: "button", class: "out", "data-serial": nest.serial }, texts.take_out) : "");
       const heard = look === "ready" && hears(name, state), bars = gauges(state.unit), warmth = h("b");
       if (heard) live[name] = { bars, warmth };
-      const out = may.run && h("button", { type: "button", class: "out", "data-serial": nest.serial }, texts.take_out);
-      return box({}, head, h("p", { class: "good", "data-part": "verdict" }, icon("check"), heard ? texts.in_place : texts.scanned_in), last, heard ? [h("p", { class: "row warmth" }, texts.unit_at, warmth), bars.node] : look === "ready" && !last ? stepList(nest, state, plan).node : "", out);
+      return box({}, head, h("p", { class: "good", "data-part": "verdict" }, icon("check"), heard ? texts.in_place : texts.scanned_in), last, heard ? [h("p", { class: "row warmth" }, texts.unit_at, warmth), bars.node] : look === "ready" && !last ? stepList(nest, state, plan).node : "");
     }
     if (look === "act") {
       const stops = plan.cells.filter((c) => c.kind === "stop").length;
