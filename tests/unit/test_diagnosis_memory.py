@@ -149,6 +149,16 @@ def test_a_space_made_some_units_at_a_time_scores_as_the_whole_does(
     assert found.readings.size.dof == whole.readings.size.dof
 
 
+def test_a_bank_without_candidates_leaves_the_readings_their_sum_of_squares(
+    problem: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    floor, bank = problem.fit().floor, build_banks(problem.view)[0].only([])
+    (whole,) = project_bank(bank, problem.view.layout, [problem.space(floor, moving=False)])
+    monkeypatch.setattr(scoring, "FEW_UNITS", 2)
+    (found,) = project_bank(bank, problem.view.layout, [problem.setting.scored_space(floor, moving=False)])
+    np.testing.assert_allclose(found.readings.fits, whole.readings.fits, rtol=1e-12)
+
+
 def test_candidates_of_a_kind_may_be_looked_at_one_by_one(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     floor, bank = problem.fit().floor, build_banks(problem.view)[0]
     space = problem.space(floor, moving=False)

@@ -100,7 +100,12 @@ def project_bank(
     kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros(1, np.intp)) for i in scans]
     parts: list[list[list[NormalProducts | EigenProducts]]] = [[] for _ in spaces]
     kept: list[list[Array]] = [[] for _ in spaces]
-    for units in layout.grid.parts(UNITS_AT_ONCE) if bank.candidates else ():
+    for units in layout.grid.parts(UNITS_AT_ONCE):
+        if not bank.candidates:
+            # A space of many units sums its readings while they are gone through.
+            for each in spaces:
+                each.part(units)
+            continue
         rows = bank.rows(layout, units) if bank.made else None
         single = [visit_columns(bank, i, layout, units) for i in scans]
         for i, space in enumerate(each.part(units) for each in spaces):
