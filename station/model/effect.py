@@ -107,7 +107,7 @@ class Coefficient(NamedTuple):
 
 #: What a cause may be drawn over in a report; `reporting/diagnosis/cause_axis.py` makes the axis of each.
 DrawnOver = Literal[
-    "dwell", "expected", "group", "input", "input-product", "motor", "order", "other-axis", "position", "run",
+    "clock", "dwell", "expected", "group", "input", "input-product", "motor", "order", "other-axis", "position", "run",
     "samples", "since-clamp", "since-power", "spectrum", "step", "temperature", "temperature-input", "temperature-rate",
     "time", "unit", "visits",
 ]  # fmt: skip

@@ -17,6 +17,7 @@ from station.diagnosis.results.diagnose import Diagnosis, diagnose
 from station.diagnosis.results.diagnosis_document import document
 from station.domain.core.types import Labels
 from station.model.model_file import Model
+from station.reporting.diagnosis import lead_figure
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.gather import report_data
 from tests.fakes.command import station
@@ -124,3 +125,20 @@ def test_how_small_an_effect_would_have_been_seen_is_as_published(tmp_path: Path
     assert {k: data.smallest[k] / v for k, v in published.items()} == pytest.approx(
         dict.fromkeys(published, 1.0), rel=0.4
     )
+
+
+def test_a_clock_is_drawn_as_how_far_it_gets_ahead(tmp_path: Path) -> None:
+    """The device's time less the host's against the time in the dwell, the found slope, the data sheet's wedge."""
+    samples = tmp_path / "samples.parquet"
+    words = ("--recipe", "tilt-24", "--units", "2", "--seed", "3", "--effect", "clock-error=0.01")
+    assert station("simulate", *words, "--out", str(samples)) == 0
+    d, shown = of(samples)
+    (cause,) = shown.causes
+    assert (cause["effect"], shown.clock is not None) == ("clock-error", True)
+    assert shown.clock is not None
+    slope = float(np.polyfit(shown.clock.host_s, shown.clock.ahead_s, 1)[0])
+    assert slope == pytest.approx(shown.clock.rate_error, rel=0.02)
+    assert shown.clock.tolerance == pytest.approx(d.recipe.device.clock_tolerance_ppm * 1e-6)
+    figure, _ = lead_figure.draw(shown) or ("", "")
+    assert "ahead of the host" in figure
+    assert f"unit {shown.clock.unit}" in figure

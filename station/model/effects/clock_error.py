@@ -22,7 +22,7 @@ class ClockError(ClockEffect):
     physics = "The device's oscillator is off, and with it its sample rate."
     remedy = "take time from the host's clock, and ask the supplier about the oscillator"
     shown_by = "state `device.rate_hz` in the recipe, and dwell longer"
-    drawn_over = "unit"
+    drawn_over = "clock"
     level = "bus"
     of = ("unit", "common")
     axes = SINGLE_COEFFICIENT

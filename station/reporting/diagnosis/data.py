@@ -43,6 +43,18 @@ class ToneSpectrum:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ClockCourse:
+    """How far one unit's clock is ahead of the host's (n), s, so long after its dwell began (n), s; rate_error: the
+    slope that was found; tolerance: the data sheet's; unit: whose."""
+
+    unit: str
+    host_s: Floats
+    ahead_s: Floats
+    rate_error: float
+    tolerance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DwellSamples:
     """The first samples (n) of one dwell on one axis, recipe's unit, and whose they are."""
 
@@ -101,6 +113,7 @@ class ReportData:
     groups: Mapping[str, Labels] = field(default_factory=dict)
     spectrum: ToneSpectrum | None = None
     samples: Mapping[str, DwellSamples] = field(default_factory=dict)
+    clock: ClockCourse | None = None
     curves: tuple[FormulaCurve, ...] = ()
 
     @property

@@ -14,7 +14,7 @@ from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.forward import resting_stimulus
 from station.model.scene import COVARIATES, Scene, scene_of_table
-from station.reporting.diagnosis import samples
+from station.reporting.diagnosis import clock_course, samples
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
 from station.reporting.diagnosis.formula_curve import formula_curves
 
@@ -58,6 +58,7 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
         groups=dict(visits.groups),
         spectrum=samples.tone_spectrum(d.inspection.table) if "motor-tone" in faults else None,
         samples={f.effect: samples.first_dwell(d.table, f) for f in d.inspection.faults},
+        clock=clock_course.of(d.recipe, d.table, d.inspection.faults),
         curves=formula_curves(d) if known else (),
         recorded=frozenset(name for name in (*COVARIATES, *VISIT_LABELS) if scene.is_recorded(name)),
     )

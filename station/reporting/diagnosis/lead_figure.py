@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from station.reporting.diagnosis import partial_residual, plots, tables
+from station.reporting.diagnosis import clock_course, partial_residual, plots, tables
 from station.reporting.diagnosis.cause_text import drawn_over
 from station.reporting.diagnosis.data import DwellCourse, DwellSamples, ReportData, ToneSpectrum
 from station.reporting.diagnosis.finding_text import leading_cause
@@ -71,6 +71,8 @@ def _of_samples(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure |
     if over == "spectrum" and data.spectrum is not None:
         caption = report_text("caption-spectrum" if data.spectrum.off is not None else "caption-spectrum-on")
         return spectrum_figure(data.spectrum, cause, data.unit_of_readings), caption
+    if over == "clock" and data.clock is not None:
+        return clock_course.figure(data.clock, cause["effect"]), report_text("caption-clock")
     if over == "samples" and cause["effect"] in data.samples:
         return samples_figure(data.samples[cause["effect"]], cause, data.unit_of_readings), report_text(
             "caption-samples"

@@ -119,8 +119,7 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
         rows = np.arange(of.start, of.stop)
         if len(rows) < 3:
             continue
-        t, group = table.time_s[rows], stop[rows] - stop[rows[0]]
-        number = _numbers_in_order(t, group) if counted is None else counted[rows]
+        t, group, number = _numbered(table, stop, counted, rows)
         if counted is None and not _is_countable(t, number, group):
             continue
         error[u], std[u], stops[u] = _slope(t, np.asarray(number / nominal, float), group, group)
@@ -130,6 +129,23 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
             if joined is not None:
                 error[u], std[u], _ = _slope(t, np.asarray(joined / nominal, float), table.run[rows], group)
     return ClockRates(error, std, tuple(stops))
+
+
+def frames_of(
+    recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], unit: int
+) -> tuple[Floats, NDArray[np.intp], NDArray[np.int64]]:
+    """Stamps (n) of a unit's frames by the host's clock, s, the stop of each, and its number by the device's."""
+    bits = recipe.device.counter_bits
+    counted = unwrapped(table.values["counter"], stop, bits) if "counter" in table.values else None
+    of = rows_of_units(table.unit)[unit]
+    return _numbered(table, stop, counted, np.arange(of.start, of.stop))
+
+
+def _numbered(
+    table: SampleTable, stop: NDArray[np.intp], counted: NDArray[np.int64] | None, rows: NDArray[np.intp]
+) -> tuple[Floats, NDArray[np.intp], NDArray[np.int64]]:
+    t, group = table.time_s[rows], stop[rows] - stop[rows[0]]
+    return t, group, _numbers_in_order(t, group) if counted is None else counted[rows]
 
 
 def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
