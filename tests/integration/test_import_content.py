@@ -8,6 +8,7 @@ import pytest
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
+from tests.fakes.command import station
 from tests.integration.test_import import G, check, tumble, understood
 from tests.integration.test_import_shapes import sphere
 
@@ -17,6 +18,14 @@ Capture = pytest.CaptureFixture[str]
 def saved(path: Path, rows: Any, fmt: str = "%.5f", header: str = "") -> str:
     np.savetxt(path, rows, fmt, ",", header=header, comments="")
     return str(path)
+
+
+def refused(capsys: Capture, *args: str) -> str:
+    """The sentence by which `station import` refuses a file."""
+    code = station("import", *args)
+    shown = capsys.readouterr()
+    assert code == 2, shown.out
+    return shown.err
 
 
 def remarks(one: dict[str, Any]) -> list[str]:
@@ -135,3 +144,123 @@ def test_short_stops_without_stamps_are_found_at_a_slower_rate(
     one = understood(capsys, saved(tmp_path / "poses.csv", y + 0.002 * rng.standard_normal(y.shape)))
     assert one["poses"] == len(np.unique(rest_segments.orientations(poses)))
     assert one["visits"] == 16
+
+
+def loop_in_one_pose(rng: np.random.Generator) -> Floats:
+    """A sensor at rest whose offset bends with its temperature, −18 to 74 °C: (n, 3) in g, and °C (n)."""
+    T = 28 + 46 * np.sin(np.linspace(0, 2 * np.pi, 3000))
+    y = np.stack([0.01 - 5e-5 * T + 4e-7 * T**2, 0.02 + 3e-5 * T, 1.004 + 1.2e-4 * T + 2e-8 * T**3], axis=1)
+    return np.asarray(np.c_[y + rng.normal(0, 5e-4, (3000, 3)), T])
+
+
+@pytest.mark.parametrize("header", ["ax_g,ay_g,az_g,temp", "x_g,y_g,z_g,temp", "x (G),y (G),z (G),temp"])
+def test_g_behind_a_name_is_gravity_and_no_gauss(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, header: str
+) -> None:
+    one = understood(capsys, saved(tmp_path / "loop.csv", loop_in_one_pose(rng), header=header), "--blocks", "100")
+    assert (one["reading_unit"], one["raw_unit"], "unit" in one["inferred"]) == ("g", "g", False)
+    assert one["magnitude"]["median"] == pytest.approx(1.005, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "factor"),
+    [
+        ("t;x (in radians/s);y (in radians/s);z (in radians/s)", "deg/s", 180 / np.pi),
+        ("t;x (in G's);y (in G's);z (in G's)", "g", 1.0),
+        ("t;x [microteslas];y [microteslas];z [microteslas]", "uT", 1.0),
+        ("t;x [degrees per second];y [degrees per second];z [degrees per second]", "deg/s", 1.0),
+        ("t;x_mps2;y_mps2;z_mps2", "g", 1 / G),
+    ],
+)
+def test_a_unit_written_out_tells_what_is_measured(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, header: str, unit: str, factor: float
+) -> None:
+    y = tumble(rng)
+    path = tmp_path / "readings.csv"
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y / factor], "%.6f", ";", header=header, comments="")
+    one = understood(capsys, str(path))
+    assert (one["reading_unit"], one["scale"], "unit" in one["inferred"]) == (unit, pytest.approx(factor), False)
+
+
+@pytest.mark.parametrize("more", [-1, 2])
+def test_a_header_with_more_or_fewer_cells_than_the_rows(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, more: int
+) -> None:
+    """Loggers end each row with empty cells for sensors that are not there, or name a sensor that never reads."""
+    y = tumble(rng)
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az", "mark"]
+    rows = [f"{i / 100:.2f},{0.001 * i:.3f},0.1,0.2,{x:.5f},{y:.5f},{z:.5f},7" for i, (x, y, z) in enumerate(y)]
+    end = "," * (more + 1) if more > 0 else ""
+    head = names if more > 0 else [*names, "note"]
+    path = tmp_path / "phone.csv"
+    path.write_text("\n".join([",".join(head), *(row + end for row in rows)]))
+    one = understood(capsys, str(path))
+    check(one, visits=8, poses=8, axes=["ax", "ay", "az"], rate_hz=100.0)
+
+
+def test_a_row_number_without_a_name_is_no_reading(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """As R writes a table: the header has a cell fewer than the rows."""
+    y = tumble(rng)
+    path = tmp_path / "r.txt"
+    lines = [f"{i + 1}\t{x:.5f}\t{y:.5f}\t{z:.5f}\t{i / 100:.2f}" for i, (x, y, z) in enumerate(y)]
+    path.write_text("\n".join(["ax\tay\taz\ttime", *lines]))
+    check(understood(capsys, str(path)), visits=8, poses=8, axes=["ax", "ay", "az"], rate_hz=100.0)
+
+
+@pytest.mark.parametrize("names", ["qw,qx,qy,qz", "id,position_x,position_y,position_z", "e,euler_x,euler_y,euler_z"])
+def test_what_is_computed_is_no_reading(rng: np.random.Generator, tmp_path: Path, capsys: Capture, names: str) -> None:
+    q = sphere(rng, 400)
+    path = saved(tmp_path / "imu.csv", np.c_[np.arange(400) / 100, q[:, 0], q], header=f"t,{names}")
+    assert "are of another quantity" in refused(capsys, path)
+
+
+def test_a_circle_in_one_plane_is_no_compass_turned_all_round(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """A phone on a table lies on an ellipsoid of its own noise."""
+    turn = np.linspace(0, 4 * np.pi, 3000)
+    y = np.stack([90 + 30 * np.cos(turn), 180 + 28 * np.sin(turn), -430 + 3 * np.sin(3 * turn)], axis=1)
+    y += np.cumsum(rng.normal(0, 0.05, y.shape), axis=0)
+    path = saved(tmp_path / "table.csv", np.c_[np.arange(3000) / 50, y], header="time,mx,my,mz")
+    assert "no tumble" in (said := refused(capsys, path)) or "never at rest" in said or "not a tumble" in said
+
+
+@pytest.mark.parametrize("name", ["x,y,z", "est_linear_accel_x,est_linear_accel_y,est_linear_accel_z"])
+def test_a_scale_that_makes_noise_one_g_is_not_assumed(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, name: str
+) -> None:
+    """Linear acceleration at rest is noise; some number a g makes any magnitude right."""
+    y = rng.normal(0, 0.004, (4000, 3)) + np.repeat(rng.normal(0, 0.006, (4, 3)), 1000, axis=0)
+    y[990:1010] += rng.normal(0, 1.5, (20, 3))
+    path = saved(tmp_path / "Accelerometer.csv", np.c_[np.arange(4000) / 100, y], header=f"time,{name}")
+    assert "gravity is not in them" in refused(capsys, path)
+
+
+def test_two_orientations_span_no_sphere(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """Six rests in two poses: their few hundredths apart are no sphere whose radius is the scale."""
+    pose = np.array([[0.2, 0.3, 9.78], [0.1, 9.79, 0.3]])[[0, 1, 0, 1, 0, 1]] + rng.normal(0, 0.04, (6, 3))
+    y = np.repeat(pose, 300, axis=0) + rng.normal(0, 0.1, (1800, 3))
+    y[np.arange(300, 1800, 300)[:, None] + np.arange(-20, 20)] += rng.normal(0, 3, (5, 40, 3))
+    one = understood(capsys, saved(tmp_path / "a.csv", np.c_[np.arange(1800) / 50, y], header="time,ax,ay,az"))
+    check(one, raw_unit="m/s²")
+    assert one["magnitude"]["median"] == pytest.approx(1, abs=0.02)
+
+
+def test_magnitudes_of_a_compass_are_about_its_middle(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = 48 * sphere(rng, 600) + [230, 40, -30] + rng.normal(0, 0.2, (600, 3))
+    one = understood(capsys, saved(tmp_path / "mag.csv", y))
+    assert one["centre"] == pytest.approx([230, 40, -30], abs=1)
+    assert [one["magnitude"][k] for k in ("least", "greatest")] == pytest.approx([48, 48], abs=2)
+
+
+def test_of_nine_columns_the_compass_is_where_no_power_of_two_is_a_g(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    d = sphere(rng, 900)
+    gyro, gravity = rng.normal(0, 4000, (900, 3)), 16_400 * d + rng.normal(0, 900, (900, 3))
+    field = 6200 * np.roll(d, 1, axis=1) * [1.2, 1, 0.95] + [1300, 500, 1200] + rng.normal(0, 60, (900, 3))
+    rows = np.round(np.c_[gyro, gravity, field])
+    one = understood(capsys, saved(tmp_path / "magnetometer.csv", rows, "%d"))
+    assert one["axes"] == ["column 6", "column 7", "column 8"]

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from station.adapters.recordings.limits import check_column_names
+from station.domain.recognition.axis_names import are_lettered
 from station.errors import SamplesError
 
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$|^0x[0-9a-f]{1,8}$", re.IGNORECASE)
@@ -67,7 +68,7 @@ def recognise(file: str, lines: list[str]) -> Dialect:
         raise SamplesError("no-table-of-numbers", file=file)
     data = [cells for i, cells in rows if i >= first]
     decimal = _decimal([c for cells in data for c in cells if _NUMBER.match(c)], delimiter)
-    names, units = _header(file, lines[:first], delimiter, columns)
+    names, units = _header(file, lines[:first], delimiter, columns, rows=data[:HEAD])
     head = [line[:LONGEST_REMARK] for line in lines[:first]]
     stated = [m for line in head if (m := _RATE.search(line) or _RATE_KEY.match(line))]
     return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None, closed)
@@ -167,12 +168,14 @@ def _numeric_share(rows: list[list[str]]) -> float:
 
 
 def _header(
-    file: str, lines: list[str], delimiter: str, columns: int
+    file: str, lines: list[str], delimiter: str, columns: int, rows: list[list[str]]
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
     """Names and units of the columns by the lines above the data; a comment may be the header."""
     above = [line for line in lines if line.strip()][-2:]
-    rows = [split(_COMMENT.sub("", line), delimiter) for line in above]
-    heads = [cells for cells in rows if len(cells) == columns and not any(is_number(c) for c in cells)]
+    cut = [split(_COMMENT.sub("", line), delimiter) for line in above]
+    heads = [cells for cells in cut if len(cells) == columns and not any(is_number(c) for c in cells)]
+    if not heads and above:
+        heads = _of_other_length(cut[-1], columns, rows)
     if not heads:
         return None, ("",) * columns
     check_column_names(file, (name for cells in heads for name in cells))
@@ -184,6 +187,16 @@ def _header(
     if len(set(plain)) < len(plain):
         plain = names
     return tuple(n or f"column {i}" for i, n in enumerate(plain)), tuple(u.strip(" []()") for u in units)
+
+
+def _of_other_length(cells: list[str], columns: int, rows: list[list[str]]) -> list[list[str]]:
+    """A header that names three axes, with some cells more or fewer than the rows; a row's own name is without one, as
+    R writes it."""
+    if any(is_number(c) for c in cells) or len(cells) < columns / 2 or not are_lettered(cells):
+        return []
+    numbered = all(row[0] == str(i + 1) for i, row in enumerate(rows) if row)
+    first = [""] if len(cells) == columns - 1 and numbered else []
+    return [[*first, *cells, *[""] * columns][:columns]]
 
 
 def _in_brackets(name: str) -> str:

@@ -55,7 +55,8 @@ def tables_of(file: str, found: Mapping[str, Any]) -> list[RawTable]:
         if rows > 8
     ]
     if not tables:
-        raise SamplesError("no-table-of-numbers", file=file)
+        objects = any(type(value).__name__ == "MatlabOpaque" for value in found.values())
+        raise SamplesError("mat-of-objects" if objects else "no-table-of-numbers", file=file)
     for table in tables:
         check_shape(file, len(table), len(table.columns))
     return tables

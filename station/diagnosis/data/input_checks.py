@@ -52,8 +52,12 @@ def check_calibrated(view: ResidualView) -> None:
 def check_gain(serial: str, gain: Floats) -> None:
     """Errors: SamplesError where the axes of a unit of unknown poses respond (3) as those of one sensor never do."""
     size = np.abs(gain)
-    if not gain.min() > 0 or size.max() > MAX_RESPONSE_RATIO * size.min():
+    if not gain.min() > 0:
         raise SamplesError("readings-on-no-ellipsoid", serial=serial)
+    if size.max() > MAX_RESPONSE_RATIO * size.min():
+        odd = int(np.argmax(np.abs(np.log(size / np.median(size)))))
+        ratio = float(size[odd] / np.median(size))
+        raise SamplesError("axis-responds-apart", serial=serial, axis="xyz"[odd], ratio=ratio)
 
 
 def _first_rows(table: SampleTable) -> NDArray[np.intp]:

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition import axis_names
+from station.domain.recognition import axis_names, visits
 from station.domain.recognition.quantities import (
     QUANTITIES,
     Quantity,
@@ -28,10 +28,12 @@ _COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序�
 _TEMPERATURE = re.compile(r"temp|thermo|degc|°c|温", re.IGNORECASE)
 _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orient|state|name|标签|位置", re.IGNORECASE)
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
+#: Triples that are computed and no readings, whatever their size.
+_COMPUTED = re.compile(r"^q$|quat|^pos|position|veloc|^vel|euler|attitude|orientation|angle", re.IGNORECASE)
 #: Units of stamps.
 TIME_UNITS = ("s", "ms", "us", "ns")
 #: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.
-FOREIGN, BY_CONTENT, NAMELESS = 30, 25, 10
+FOREIGN, BY_CONTENT, NAMELESS, BY_UNIT = 30, 25, 10, 2
 #: A column of at least so many steps is time where this share of them is within this share of the median step.
 LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
 #: Most labels that are visits and not identifiers, and how many readings each must last.
@@ -113,14 +115,14 @@ def place_of(table: RawTable, name: str) -> int:
 def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tuple[Axes, bool, int, tuple[Axes, ...]]:
     """Three columns, whether their content chose them, the rank of their names, and others of that rank."""
     triples = _triples(table, assigned) if table.named else []
-    ranked = sorted(triples, key=lambda t: _rank(t[0], quantity))
-    if ranked and _rank(ranked[0][0], quantity) < FOREIGN:
-        rank = _rank(ranked[0][0], quantity)
-        best = [t[1] for t in ranked if _rank(t[0], quantity) == rank]
+    ranked = sorted((_rank(stem, table.columns[axes[0]].unit, quantity), axes) for stem, axes in triples)
+    if ranked and (rank := ranked[0][0]) < FOREIGN:
+        best = [axes for other, axes in ranked if other == rank]
         if len(best) == 1:
             return best[0], False, rank, ()
         chosen = _by_content(table, best, quantity)
-        return chosen, True, rank, tuple(b for b in best if not set(b) & set(chosen))
+        others = tuple(b for b in best if not set(b) & set(chosen) and _varies(table, b))
+        return chosen, True, rank, others
     if ranked:
         raise SamplesError(
             "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
@@ -138,15 +140,33 @@ def _names(table: RawTable, places: Axes) -> str:
     return ", ".join(table.columns[i].name for i in places)
 
 
-def _rank(stem: str, quantity: Quantity) -> int:
-    """How well a common part of three names fits a quantity: 0 best; FOREIGN and more is another quantity's."""
+def _varies(table: RawTable, axes: Axes) -> bool:
+    """Whether a sensor can have read three columns: not all are one number, as a flag is."""
+    return any(np.ptp(np.nan_to_num(table.numbers(i))) > 0 for i in axes)
+
+
+def _rank(stem: str, unit: str, quantity: Quantity) -> int:
+    """How well a common part of three names, and their unit, fit a quantity: 0 best; FOREIGN and more is another
+    quantity's."""
     words = stem.strip(" _.-[]()").lower()
+    *head, tail = [w for w in re.split(r"[\s_.()\[\]-]+", words) if w] or [""]
     derived = 5 if _DERIVED.search(words) else 0
-    if re.search(quantity.word, words):
+    behind = _quantities_of(tail) if head or stem.startswith(" ") else ()
+    told = _quantities_of(unit) or behind
+    named = ("_".join(head), words if head else "") if behind else (words,)
+    if any(re.search(quantity.word, name) for name in named):
         return derived
-    if any(re.search(q.word, words) for q in QUANTITIES.values()):
+    if any(re.search(q.word, name) for q in QUANTITIES.values() for name in named):
         return 40
-    return NAMELESS + derived
+    if _COMPUTED.search(words) or (told and quantity.unit not in told):
+        return FOREIGN
+    return (BY_UNIT if told and quantity.unit == told[0] else NAMELESS) + derived
+
+
+def _quantities_of(unit: str) -> tuple[str, ...]:
+    """The quantities that a unit may be of, the likeliest first; none of what is no unit."""
+    known = ((q.unit, canonical(unit, q)) for q in QUANTITIES.values()) if unit else ()
+    return tuple(name for name, found in known if found not in (None, "LSB"))
 
 
 def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, Axes]]:
@@ -166,8 +186,11 @@ def _by_content(table: RawTable, candidates: list[Axes], quantity: Quantity) -> 
 
 def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     """Whether readings (n, 3) do not turn; 0 where their magnitude is of a unit, 1 of counts, which any
-    number is near; its relative spread."""
+    number is near, 2 of another sensor's; its relative spread."""
     means, spread = _means_and_spread(reading)
+    if quantity.unit == "uT" and np.isfinite(spread):
+        # Iron moves the centre of a compass.
+        spread = min(spread, visits.off_ellipsoid(np.nan_to_num(reading)))
     size = float(np.median(np.linalg.norm(means, axis=1)))
     # From rest to rest: a turn rate at rest is the same again, however it was turned between.
     scatter = np.linalg.norm(_stretches(reading).std(axis=1), axis=1)
@@ -178,7 +201,9 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     if not turns or not np.isfinite(spread):
         return True, 1, spread
     known = not whole and from_magnitude(means, quantity, whole=False).unit != "LSB"
-    return False, int(not known), spread
+    # Counts of a power of two a g are an accelerometer's.
+    gravity = whole and quantity.unit == "uT" and from_magnitude(means, QUANTITIES["g"], whole=True).exact
+    return False, int(not known) + int(gravity), spread
 
 
 def _stretches(reading: Floats) -> Floats:
@@ -307,12 +332,12 @@ def stated_unit(table: RawTable, axes: Axes, quantity: Quantity) -> str | None:
         raise SamplesError("axes-differ-in-unit", file=table.source, units=", ".join(sorted(c.unit for c in columns)))
     if units and (unit := units.pop()):
         return unit
-    tails = {canonical(tail, quantity) for c in columns for tail in _tails(c.name)} - {None, "g"}
+    tails = {canonical(tail, quantity) for c in columns for tail in _tails(c.name)} - {None}
     return tails.pop() if len(tails) == 1 else None
 
 
 def _tails(name: str) -> list[str]:
-    """What a name may end in that is a unit: acc_x_mps2, accelerometer_m_s2[0]."""
-    stem = re.sub(r"[\[(]?[0-9][\])]?$|[_.]?[xyz]$", "", name.lower().strip())
+    """What a name may end in that is a unit: acc_x_mps2, accelerometer_m_s2[0]; no name is a unit alone."""
+    stem = re.sub(r"[\[(_. ]+[0-9][\])]?$|[_.]?[xyz]$", "", name.lower().strip())
     parts = [p for p in re.split(r"[_. ]", stem) if p]
-    return [*parts[-1:], "_".join(parts[-2:])]
+    return [*parts[1:][-1:], "_".join(parts[-2:])] if len(parts) > 1 else []

@@ -12,6 +12,8 @@ from station.domain.core.types import Floats
 STANDARD_GRAVITY = 9.80665
 #: Sensitivity spreads by this much between parts of one type.
 SPREAD = 0.25
+#: Points lie on a sphere if they reach so far in each direction and stand off it by so little, of its radius (rms).
+LEAST_REACH, MOST_OFF = 0.15, 0.3
 #: Counts of a converter lie this near to a power of two a g.
 COUNTS_SPREAD = 0.12
 #: Numbers that are no whole ones are means of counts, if they are as large as this.
@@ -79,6 +81,7 @@ _SPELLINGS = {
 def canonical(text: str, quantity: Quantity) -> str | None:
     """The unit that a header or a person means: a key of the quantity's factors, `LSB`, or None."""
     spelled = text.strip().lower().replace("µ", "u").replace("μ", "u").replace("²", "2")
+    spelled = _in_words(spelled)
     spelled = re.sub(r"[\s^*·()\[\]]", "", spelled).replace("m_s2", "m/s2").replace("sec2", "s2")
     if spelled == "g" and quantity.unit == "uT":
         return "gauss"
@@ -86,6 +89,22 @@ def canonical(text: str, quantity: Quantity) -> str | None:
         return "mgauss"
     found = _SPELLINGS.get(spelled)
     return found if found == "LSB" or found in quantity.factors else None
+
+
+#: Units as people write them out, and their signs.
+_WORDS = (
+    (r"^in ", ""), (r"'s?$", ""), (r"\bmicro ?", "u"), (r"\bmilli ?(?=[a-z])", "m"), (r"\bnano ?", "n"),
+    (r"metres?|meters?", "m"), (r"radians?", "rad"), (r"degrees?", "deg"), (r"seconds?", "s"), (r"tesla?s?\b", "t"),
+    (r"gs$", "g"), (r"gravit(y|ies)$", "g"), (r"gauss(es)?", "gauss"), (r" ?per ", "/"), (r"/s ?squared", "/s2"),
+    (r"/s/s", "/s2"),
+)  # fmt: skip
+
+
+def _in_words(text: str) -> str:
+    """Lower-case `in radians per second`, `microteslas`, `G's` by their signs."""
+    for word, sign in _WORDS:
+        text = re.sub(word, sign, text) if len(text) > 2 or word.startswith("^") else text
+    return text
 
 
 def units(unit: str) -> tuple[str, ...]:
@@ -163,15 +182,23 @@ def _counts(radius: float) -> int:
 
 
 def sphere(points: Floats) -> tuple[Floats, float]:
-    """Centre (3) and radius of the sphere through points (k, 3); about zero where they do not span one."""
+    """Centre (3) and radius of the sphere through points (k, 3); about zero where they do not span one: a few
+    poses, or one that drifts, lie on many spheres."""
     size = float(np.median(np.linalg.norm(points, axis=1)))
     if not size > 0:
         return np.zeros(3), 0.0
     scaled = points / size
     design = np.c_[2 * scaled, np.ones(len(scaled))]
-    spread = scaled - scaled.mean(axis=0)
-    if len(points) >= 5 and np.linalg.cond(design) < 1e6 and np.linalg.matrix_rank(spread, 1e-3) == 3:
+    if len(points) >= 5 and np.linalg.cond(design) < 1e6:
         found = np.linalg.lstsq(design, (scaled**2).sum(axis=1), rcond=None)[0]
         radius = float(np.sqrt(max(found[3] + found[:3] @ found[:3], 0.0)))
-        return np.asarray(found[:3] * size), radius * size
+        if spans(scaled, found[:3], radius):
+            return np.asarray(found[:3] * size), radius * size
     return np.zeros(3), size
+
+
+def spans(points: Floats, centre: Floats, radius: float) -> bool:
+    """Whether points (k, 3) lie all about a sphere and not in one part of it."""
+    reach = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(points))
+    off = float(np.sqrt(np.mean((np.linalg.norm(points - centre, axis=1) - radius) ** 2)))
+    return bool(reach >= LEAST_REACH * radius and off <= MOST_OFF * radius)

@@ -1,5 +1,6 @@
 """Recordings → a samples table: their visits, found or declared, and the names of the positions."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,10 @@ LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
 LEAST_REST_IN_ONE = 0.9
 #: Gravity shows in an accelerometer at rest as at least so much, g, whatever its offset.
 LEAST_GRAVITY_G = 0.3
+#: An acceleration of unknown scale that scatters by this share of its own size at rest, or from rest to rest, is not
+#: gravity; nor is one of such a name.
+LOUD = 0.1
+_WITHOUT_GRAVITY = re.compile(r"linear|user|free", re.IGNORECASE)
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
 WILD = 0.2
 #: Without stamps the rate may be so many times slower; believed where so many times more orientations rest then.
@@ -139,6 +144,8 @@ def _rest(recording: Recording) -> NDArray[np.int64]:
         raise SamplesError("in-file", file=recording.source, reason=error.message) from None
     if recording.unit == "deg/s":
         return edges
+    if recording.unit == "g" and len(edges):
+        _check_gravity_shows(recording, edges)
     size = float(np.median(np.linalg.norm(recording.reading, axis=1)))
     quiet = [float(np.linalg.norm(recording.reading[a:b].std(axis=0))) < WILD * size for a, b in edges]
     return np.asarray(edges[np.array(quiet, bool)])
@@ -179,6 +186,22 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
     if comes_back or (share < LEAST_REST and poses < LEAST_ORIENTATIONS):
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
+
+
+def _check_gravity_shows(recording: Recording, edges: NDArray[np.int64]) -> None:
+    """Errors: SamplesError where a scale that makes the magnitude right is all that speaks for gravity, and the name,
+    the scatter at rest or the magnitude from rest to rest against it."""
+    scale = recording.scale
+    raw = recording.reading[:1000] / scale.factor + scale.zero
+    if scale.exact or np.allclose(raw, np.round(raw), atol=1e-6, rtol=0):
+        return
+    length = np.linalg.norm([np.median(recording.reading[a:b], axis=0) for a, b in edges], axis=1)
+    size = float(np.median(length))
+    scatter = float(np.median([np.linalg.norm(recording.reading[a:b].std(axis=0)) for a, b in edges])) / size
+    apart = float(np.median(np.abs(length - size))) / size
+    if scatter > LOUD or apart > LOUD or _WITHOUT_GRAVITY.search(" ".join(recording.axes)):
+        percent = 100 * max(scatter, apart)
+        raise SamplesError("gravity-not-shown", file=recording.source, size=size / abs(scale.factor), percent=percent)
 
 
 def _named(recording: Recording, found: Visits, recipe: Recipe) -> Visits:

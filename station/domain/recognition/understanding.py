@@ -15,6 +15,8 @@ from station.domain.recognition.samples import UnitRecording, Visits
 from station.messages import Message
 
 SCHEMA = "station.import/1"
+#: Magnitudes are about the middle of the readings where it is off zero by this share of them, and it is said.
+OFF_CENTRE = 0.1
 
 
 def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
@@ -26,7 +28,10 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
     number = np.repeat(np.arange(len(edges)), edges[:, 1] - edges[:, 0])
     found = sheet.infer(r.reading[rows], r.time_s[rows], number)
     means = np.array([r.reading[a:b].mean(axis=0) for a, b in edges])
-    size = np.linalg.norm(means, axis=1)
+    centre = _centre(means, r.unit)
+    far = float(np.linalg.norm(centre)) > OFF_CENTRE * float(np.median(np.linalg.norm(means - centre, axis=1)))
+    about = centre if far else np.zeros(3)
+    size = np.linalg.norm(means - about, axis=1)
     warm = None if r.temperature_degC is None else r.temperature_degC[rows]
     return {
         "unit": one.serial,
@@ -46,7 +51,8 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
         "restarts": r.clock.restarts,
         "visits": 0 if visits is None else len(visits.edges),
         "visits_by": None if visits is None else visits.found_by,
-        "poses": None if visits is None else _poses(means, r.unit),
+        "poses": None if visits is None else int(rest_segments.orientations(means - centre).max(initial=-1)) + 1,
+        "centre": about.tolist(),
         "magnitude": {"median": float(np.median(size)), "least": float(size.min()), "greatest": float(size.max())},
         "single_readings": bool(np.all(edges[:, 1] - edges[:, 0] == 1)),
         "noise": found.noise.tolist(),
@@ -67,11 +73,11 @@ def _quiet_seconds(r: Recording) -> Array:
     return np.asarray(edges[scatter <= np.median(scatter)])
 
 
-def _poses(means: Floats, unit: str) -> int:
-    """Orientations; about the middle of the readings where an offset may be larger than what is measured."""
+def _centre(means: Floats, unit: str) -> Floats:
+    """The middle (3) of means (k, 3), about which they are as long as what is measured: zero but for a compass turned
+    all round, whose offset may be larger than the field."""
     wide = unit != "deg/s" and np.ptp(means, axis=0).max() > LEAST_TURN * np.median(np.linalg.norm(means, axis=1))
-    centre = sphere(means)[0] if wide else np.zeros(3)
-    return int(rest_segments.orientations(means - centre).max(initial=-1)) + 1
+    return sphere(means)[0] if wide else np.zeros(3)
 
 
 def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:
@@ -114,6 +120,8 @@ def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Me
         "understood-size" if single else "understood-magnitude", median=size["median"], least=size["least"],
         greatest=size["greatest"], unit=facts["reading_unit"],
     )  # fmt: skip
+    if any(facts["centre"]):
+        yield Message("understood-centre", centre=_three(facts["centre"]), unit=facts["reading_unit"])
     if single:
         yield Message("understood-steps", lsb=_three(facts["lsb"]), unit=facts["reading_unit"])
     else:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Array, Floats
+from station.domain.recognition.quantities import spans
 from station.domain.recognition.raw_table import RawColumn
 from station.errors import SamplesError, UsageError
 
@@ -17,6 +18,10 @@ ON_GRID = 0.95
 LEAST_BLOCK, LEAST_BLOCKS = 8, 6
 #: Readings of a pose each: at least so many, in so many orientations, this near to one ellipsoid, of its size.
 LEAST_READINGS, LEAST_POSES, NEAR_ELLIPSOID = 12, 9, 0.1
+#: Its longest axis is at most so many times its shortest: a circle that is turned in one plane lies on many.
+LONGEST_AXIS = 8.0
+#: So many readings show an ellipsoid.
+MOST_SHOWN = 2000
 #: This share of them may be off it: one beside iron, one written wrongly.
 FEW_OFF = 0.05
 
@@ -69,21 +74,35 @@ def is_pose_each(reading: Floats) -> bool:
     one ellipsoid and go round it, which nothing that drives or shakes does."""
     if len(reading) < LEAST_READINGS:
         return False
+    found = _drawn_to_a_sphere(reading)
+    if found is None:
+        return False
+    poses = int(rest_segments.orientations(found).max()) + 1
+    return _off(found) < NEAR_ELLIPSOID and poses >= LEAST_POSES and spans(found, np.zeros(3), 1.0)
+
+
+def off_ellipsoid(reading: Floats) -> float:
+    """How far readings (n, 3) stand off one ellipsoid, of its size (rms), all but a few; endless where they lie on
+    none or do not go round it."""
+    found = _drawn_to_a_sphere(reading[:: len(reading) // MOST_SHOWN + 1])
+    return np.inf if found is None or not spans(found, np.zeros(3), 1.0) else _off(found)
+
+
+def _off(points: Floats) -> float:
+    return float(np.sqrt(np.mean((np.linalg.norm(points, axis=1) - 1) ** 2)))
+
+
+def _drawn_to_a_sphere(reading: Floats) -> Floats | None:
+    """All but a few readings (n, 3), drawn to a sphere about zero by their ellipsoid; None where they lie on none."""
     middle, size = reading.mean(axis=0), float(reading.std(axis=0).max())
     if not size > 0:
-        return False
+        return None
     points = (reading - middle) / size
     found = _on_unit_sphere(points)
     if found is None:
-        return False
+        return None
     off = np.abs(np.linalg.norm(found, axis=1) - 1)
-    near = off <= np.quantile(off, 1 - FEW_OFF)
-    again = _on_unit_sphere(points[near])
-    if again is None:
-        return False
-    off = np.linalg.norm(again, axis=1) - 1
-    poses = int(rest_segments.orientations(again).max()) + 1
-    return bool(np.sqrt(np.mean(off**2)) < NEAR_ELLIPSOID and poses >= LEAST_POSES)
+    return _on_unit_sphere(points[off <= np.quantile(off, 1 - FEW_OFF)])
 
 
 def _on_unit_sphere(points: Floats) -> Floats | None:
@@ -93,7 +112,7 @@ def _on_unit_sphere(points: Floats) -> Floats | None:
     p = np.linalg.lstsq(terms, np.ones(len(terms)), rcond=None)[0]
     shape = np.array([[p[0], p[3], p[4]], [p[3], p[1], p[5]], [p[4], p[5], p[2]]])
     values, axes = np.linalg.eigh(shape)
-    if not values[0] > 1e-6 * values[-1]:
+    if not values[0] > values[-1] / LONGEST_AXIS**2:
         return None
     centre = -np.linalg.solve(shape, p[6:])
     radius = np.sqrt(1 + centre @ shape @ centre)

@@ -21,7 +21,7 @@ def of(recipe: Recipe, table: SampleTable, faults: Sequence[GrossFault]) -> Cloc
     numbers = [n for f in faults if f.effect == "clock-error" for n in f.numbers]
     if not numbers:
         return None
-    worst = max(numbers, key=lambda n: abs(n.value))
+    worst = max(numbers, key=lambda n: abs(float(n.value)))
     name = worst.of.partition(":")[2]
     key = np.stack([table.unit.code, table.run, table.visit])
     stop = np.cumsum(np.any(np.diff(key, axis=1, prepend=key[:, :1]) != 0, axis=0))
