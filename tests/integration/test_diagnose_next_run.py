@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -104,3 +105,19 @@ def test_where_no_run_helps_it_says_what_would(tmp_path: Path, capsys: pytest.Ca
     assert "another output data rate" in before["next_run"]["recipe_change"]
     assert "nothing is written" in capsys.readouterr().err
     assert not following.exists()
+
+
+def test_one_pose_of_one_unit_has_no_run_that_tells_apart(tmp_path: Path) -> None:
+    """A sensor that warms towards a steady state in one pose: its temperature and the rate of it are one curve, and a
+    run of one visit leaves nothing beside the offset."""
+    rng, n, rows = np.random.default_rng(4), 40, 8
+    seconds = np.repeat(30.0 * np.arange(n), rows) + np.tile(np.arange(rows) / 5, n)
+    warm = 25 + 20 * (1 - np.exp(-seconds / 300))
+    means = np.array([0.01, -0.02, 0.99]) + (warm - 25)[:, None] * [8e-5, -4e-5, 1e-4]
+    table = pd.DataFrame(means + rng.normal(0, 2e-4, (n * rows, 3)), columns=["x", "y", "z"])
+    table = table.assign(unit="SN0001", run=0, visit=np.repeat(np.arange(n), rows), position="z-up", time_s=seconds)
+    samples = tmp_path / "warming.parquet"
+    table.assign(temperature_degC=warm + rng.normal(0, 0.02, len(warm))).to_parquet(samples)
+    document = diagnosed("one-point", samples)
+    assert {"offset-temperature", "temperature-rate"} <= members(document)
+    assert document["next_run"]["separates"] == []

@@ -189,6 +189,8 @@ class ResidualSpace:
     @property
     def profile(self) -> float:
         """The same with the scale of the floor at its best."""
+        if not self.dof:
+            return -0.5 * self.logdet
         return -0.5 * (self.logdet + self.dof * (1 + float(np.log(max(self.rest, 1e-300) / self.dof))))
 
 
