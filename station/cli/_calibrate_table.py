@@ -105,9 +105,9 @@ def _table(recipe: Recipe, results: Sequence[CalibrationResult]) -> TextTable:
 
 
 def _outcome(recipe: Recipe, r: CalibrationResult) -> str:
-    """PASS means little where nothing is limited, so it says that."""
+    """A PASS decides nothing where nothing is limited, so none is shown there."""
     outcome = r.verdict.outcome
-    return f"{outcome}, no limits" if outcome is Outcome.PASS and not coefficients_limited(recipe) else str(outcome)
+    return "no limits" if outcome is Outcome.PASS and not coefficients_limited(recipe) else str(outcome)
 
 
 def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
@@ -155,9 +155,10 @@ def _notes(r: CalibrationResult) -> tuple[str, ...]:
 
 def _summary(recipe: Recipe, summary: CalibrationSummary) -> str:
     limits, passed = recipe.limits, summary.outcomes[Outcome.PASS]
-    text = f"{passed} of {summary.outcomes.total()} units pass"
+    total = summary.outcomes.total()
     if not coefficients_limited(recipe):
-        return f"{text}; the recipe has no limits for coefficients"
+        return f"{passed} of {total} units calibrated, none judged: the recipe has no limits for coefficients"
+    text = f"{passed} of {total} units pass"
     if passed:
         worst = summary.worst_false_accept
         chance = "below 1e-6" if worst < 1e-6 else f"at most {worst:.2g}"

@@ -264,3 +264,25 @@ def test_of_nine_columns_the_compass_is_where_no_power_of_two_is_a_g(
     rows = np.round(np.c_[gyro, gravity, field])
     one = understood(capsys, saved(tmp_path / "magnetometer.csv", rows, "%d"))
     assert one["axes"] == ["column 6", "column 7", "column 8"]
+
+
+@pytest.mark.parametrize("times", [4.0, 3.37])
+def test_a_logger_faster_than_its_sensor_writes_readings_again(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, times: float
+) -> None:
+    """100 rows a second of a sensor that has 25 or 30: each reading counts once, or the noise looks half as large."""
+    y = tumble(rng, 100.0, 8.0)
+    held = np.round(y[(np.floor(np.arange(len(y)) / times) * times).astype(int)], 5)
+    one = understood(capsys, saved(tmp_path / "held.csv", np.c_[np.arange(len(y)) / 100, held], header="t,ax,ay,az"))
+    check(one, visits=8, poses=8, rate_hz=100 / times)
+    assert remarks(one) == ["readings-held"]
+    assert one["noise"] == pytest.approx([0.002] * 3, rel=0.15)
+
+
+def test_a_coarse_converter_repeats_itself_without_being_held(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = np.round(tumble(rng) / 0.004) * 0.004
+    one = understood(capsys, saved(tmp_path / "coarse.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az"))
+    check(one, visits=8, poses=8, rate_hz=100.0)
+    assert remarks(one) == []

@@ -176,3 +176,36 @@ def test_a_field_that_differs_on_the_hands_way_is_no_walk_of_the_bias(
     assert "bias-walk" not in effects(found)
     assert "time" in found["unknown"]["depends_on"]
     assert found["floor"]["within_stops"] == 0.0
+
+
+def test_an_axis_of_another_range_is_named_and_the_ellipsoid_not_blamed(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Readings that lie well on an ellipsoid four times as long as wide, as of a compass whose z has another step."""
+    turned = rng.standard_normal((200, 3))
+    turned *= 49 / np.linalg.norm(turned, axis=1, keepdims=True)
+    path, out = tmp_path / "compass.csv", str(tmp_path / "compass.parquet")
+    reading = turned * [1.04, 0.98, 0.24] + [3, -5, 2] + 0.05 * rng.standard_normal(turned.shape)
+    np.savetxt(path, reading, "%.3f", ",", header="mag_x,mag_y,mag_z", comments="")
+    assert station("import", str(path), "--out", out) == 0
+    for command in ("calibrate", "diagnose"):
+        capsys.readouterr()
+        assert station(command, "--samples", out, "--recipe", "magnetometer-hand-held") == 2
+        said = capsys.readouterr().err
+        assert "axis z responds 0.2" in said
+        assert "ellipsoid" not in said
+
+
+def test_where_nothing_is_limited_no_pass_is_shown(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = np.repeat(rng.standard_normal((14, 3)), 60, axis=0)
+    y = poses / np.linalg.norm(poses, axis=1, keepdims=True) + 0.002 * rng.standard_normal(poses.shape)
+    np.savetxt(tmp_path / "held.csv", y, "%.5f", ",", header="ax,ay,az", comments="")
+    out = str(tmp_path / "held.parquet")
+    assert station("import", str(tmp_path / "held.csv"), "--blocks", "60", "--out", out) == 0
+    capsys.readouterr()
+    assert station("calibrate", "--samples", out, "--recipe", HAND_HELD) == 0
+    shown = capsys.readouterr().out
+    assert "PASS" not in shown
+    assert "none judged" in shown

@@ -1,6 +1,6 @@
 """Stamps of a recording → seconds from 0: their unit, the rate, its jitter, pauses and restarts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,11 @@ class SampleClock:
     jitter_s: float = 0.0
     gaps: int = 0
     restarts: int = 0
+
+    def only(self, rows: NDArray[np.intp]) -> "SampleClock":
+        """The clock of some of the rows (k), spread evenly."""
+        rate_hz = self.rate_hz * len(rows) / len(self.time_s)
+        return replace(self, time_s=self.time_s[rows], order=self.order[rows], rate_hz=rate_hz)
 
 
 def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -> SampleClock:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
-from station.domain.recognition import bad_rows, clock, columns, quantities, unit_change, visits
+from station.domain.recognition import bad_rows, clock, columns, held, quantities, unit_change, visits
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
 from station.domain.recognition.quantities import QUANTITIES, Quantity, UnitScale
@@ -59,6 +59,10 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
     raw, usable = raw[ticks.order], keep[ticks.order]
+    fresh = None if options.blocks is not None else held.fresh_rows(raw)
+    if fresh is not None:
+        remarks = (*remarks, _held(table, ticks, len(raw) / len(fresh)))
+        raw, usable, ticks = raw[fresh], usable[fresh], ticks.only(fresh)
     _check_alive(table, roles, raw)
     unit_change.check(table.source, raw, quantity)
     edges, names, declared = _declared(table, roles, options, usable, raw)
@@ -89,6 +93,11 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
             *_others(table, roles),
         ),
     )
+
+
+def _held(table: RawTable, ticks: SampleClock, times: float) -> Message:
+    """What is said of readings that come several times each."""
+    return Message("readings-held", file=table.source, times=times, rate_hz=ticks.rate_hz / times)
 
 
 def _sorted(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
