@@ -13,7 +13,8 @@ from station.cli._diagnosis_page import html
 from station.diagnosis.results.smallest_effect import detectable_length
 from station.domain.core.types import Labels
 from station.reporting.diagnosis.cause_text import makes_testable
-from station.reporting.diagnosis.data import CauseSignature, DwellCourse, ReportData
+from station.reporting.diagnosis.data import CauseSignature, DwellCourse, FormulaCurve, ReportData
+from station.reporting.diagnosis.hypothesis_section import draw_curve
 from station.reporting.diagnosis.page import ReportPage, ReportSection, build_page
 from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
 from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size
@@ -346,3 +347,16 @@ def test_many_causes_are_told_apart_in_a_row_of_names() -> None:
     run = {"recipe_change": "one run warmer", "separates": ["a", "b", "c"], "minutes": 2.0, "certainty": 0.95}
     page = build_page(some_data("named", [a_cause("cubic", indistinguishable_from=["b", "c"])], next_run=run))
     assert "to separate a, b, c. Chance that a single cause is named then: 95 %." in page.do
+
+
+def test_a_formulas_curve_is_drawn_at_levels_that_there_are() -> None:
+    """On eight tilts an axis feels squares of 0, a half and 1, each with the rounding of its pose."""
+    rng = np.random.default_rng(3)
+    level = np.repeat([0.0, 0.5, 1.0], [24, 16, 8]) + 1e-16 * rng.standard_normal(48)
+    at = rng.uniform(20, 30, 48)
+    formula = 1e-4 * level * (at - 25)
+    curve = FormulaCurve("z", "temperature", "a_z²", at, level, formula + 1e-6 * rng.standard_normal(48), formula)
+    drawn = draw_curve(curve, "g")
+    for value in ("0", "0.5", "1"):
+        assert f">a_z² about {value}<" in drawn
+    assert "e−" not in drawn

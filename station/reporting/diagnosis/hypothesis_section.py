@@ -7,13 +7,16 @@ import numpy as np
 
 from station.domain.core.types import Array, Floats
 from station.reporting.diagnosis.data import FormulaCurve, ReportData
-from station.reporting.diagnosis.quantity_format import display_unit, format_significant
+from station.reporting.diagnosis.quantity_format import display_unit, format_aligned, format_significant
 from station.reporting.diagnosis.sentences import report_text
 from station.reporting.diagnosis.tables import ReportTable
 from station.reporting.drawing.figure import Figure, Series, svg
 
 #: Groups of visits along the covariate, and points of a drawn curve.
 GROUPS = 8
+#: What differs by less than this share of the largest is one level; of so few levels the lowest, the middle and the
+#: highest are drawn, of more a third of the visits each.
+SAME_LEVEL, FEW_LEVELS = 1e-3, 9
 
 
 def formula_sentences(data: ReportData) -> tuple[str, ...]:
@@ -41,7 +44,7 @@ def formula_table(data: ReportData) -> ReportTable | None:
         return None
     rows = []
     for p in found[0]["parameters"]:
-        value, wide = format_significant(p["value"]), format_significant(1.96 * (p["std"] or 0))
+        value, wide = format_aligned([p["value"], 1.96 * (p["std"] or 0)])
         rows.append((p["of"], p["axis"] or "", p["name"], value, wide, p["unit"]))
     head = (
         report_text("report-formula-of"),
@@ -69,20 +72,20 @@ def draw_curve(curve: FormulaCurve, unit: str) -> str:
 
 def _levels(curve: FormulaCurve) -> Iterator[tuple[str, Array]]:
     """Visits of a low, a middle and a high level of what the axis feels, or all where it is the same everywhere."""
-    s = curve.level
-    if float(np.ptp(s)) < 1e-9:
+    step = SAME_LEVEL * max(float(np.abs(curve.level).max()), 1e-300)
+    s = np.round(curve.level / step) * step
+    levels, code = np.unique(s, return_inverse=True)
+    if len(levels) == 1:
         yield report_text("report-formula-all"), np.ones(len(s), bool)
         return
-    low, high = (float(q) for q in np.quantile(s, (1 / 3, 2 / 3)))
-    if low == high:
-        low, high = float(s.min()), float(s.max())
-    parts = [s <= low, (s > low) & (s < high), s >= high]
-    for rows in parts:
-        if rows.any():
-            yield (
-                report_text("report-formula-level", what=curve.what, value=format_significant(float(s[rows].mean()))),
-                rows,
-            )
+    if len(levels) <= FEW_LEVELS:
+        parts = [code == k for k in sorted({0, len(levels) // 2, len(levels) - 1})]
+    else:
+        low, high = np.quantile(s, (1 / 3, 2 / 3))
+        parts = [s <= low, (s > low) & (s < high), s >= high]
+    for rows in (rows for rows in parts if rows.any()):
+        value = format_significant(float(s[rows].mean()))
+        yield report_text("report-formula-level", what=curve.what, value=value), rows
 
 
 def _grouped(curve: FormulaCurve, rows: Array) -> tuple[Floats, Floats, Floats, Floats]:
