@@ -72,13 +72,15 @@ def _double(trials: Sequence[Outcome]) -> Iterator[Figure]:
 
 
 def _strange(trials: Sequence[Outcome]) -> Iterator[Figure]:
-    if not trials:
+    # What a formula follows so that no data at these visits could tell is expressible here.
+    strange = [o for o in trials if not o.right]
+    if not strange:
         return
-    certain = [bool(o.found) and o.quiet for o in trials]
-    kinds = dict(Counter(o.law for o, sure in zip(trials, certain, strict=True) if sure))
-    what = "not expressible: no formula, or incomplete"
-    yield share(what, [not sure for sure in certain], _at_least(0.9), str(kinds) if kinds else "")
-    invented = [sure and o.missed > INVENTED for o, sure in zip(trials, certain, strict=True)]
+    certain = [bool(o.found) and o.quiet for o in strange]
+    kinds = str(dict(Counter(o.law for o, sure in zip(strange, certain, strict=True) if sure)))
+    note = f"{kinds}; {len(trials) - len(strange)} more are a formula at these visits"
+    yield share("not expressible: no formula, or incomplete", [not sure for sure in certain], _at_least(0.9), note)
+    invented = [sure and o.missed > INVENTED for o, sure in zip(strange, certain, strict=True)]
     yield share("not expressible: a wrong formula with certainty", invented, _at_most(0.02))
 
 

@@ -206,6 +206,30 @@ def test_a_term_may_not_follow_a_law_by_bending_its_covariate() -> None:
     assert quiet == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("seed", "family"),
+    [
+        # A gain that goes with temperature leaves no alarm here; its probability against other laws is a quarter.
+        (10, ("own-cubed", "temperature")),
+        # Cross-axis and rotation leave something, and the formula alone says more than both.
+        (5, ("other", "root-time")),
+    ],
+)
+def test_a_formula_takes_the_place_of_causes_it_does_without(seed: int, family: tuple[str, str]) -> None:
+    def hidden(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        shape = w.a[:, 0] ** 3 * (w.T - 30) if family[0] == "own-cubed" else w.a[:, 1] * np.sqrt(w.t)
+        added[:, 0] = shape * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    table, _ = hide(recipe(), hidden, seed, floor=WHITE, d=16.0)  # type: ignore[arg-type]
+    found = diagnosis_of(recipe(), table)
+    assert (found.verdict, found.causes) == ("unknown", ())
+    assert found.hypotheses is not None
+    (term,) = found.hypotheses.terms
+    assert family in {f.term.family for f in (term.found.fit, *term.found.equivalent)}
+
+
 def test_a_decay_is_not_named_as_the_bumped_visits_that_follow_it() -> None:
     def decay(w: World, rng: Scaled) -> tuple[Any, Any]:
         added = np.zeros_like(w.a)

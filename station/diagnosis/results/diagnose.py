@@ -142,7 +142,10 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
     from station.diagnosis.results.hypotheses import only_with
     from station.diagnosis.results.imitators import simplest_explanation
 
-    explanation = simplest_explanation(d.search_result, d.last, paying, d.samples, whole=not d.depends_on)
+    doubtful = any(cause.finding.doubts for cause in d.causes)
+    explanation = simplest_explanation(
+        d.search_result, d.last, paying, d.samples, whole=not d.depends_on, doubtful=doubtful
+    )
     found = explanation.formula
     words = found.covariates if found is not None and found.complete else d.depends_on
     if len(explanation.causes) == len(paying):

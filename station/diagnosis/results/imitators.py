@@ -3,9 +3,10 @@
 A law of two covariates is followed a little by causes of one: quadratic and warm-up share what a square that follows
 the rate of the temperature does. Each alarms, and each gains on held-out data, for a part of it is true. So the formula
 is looked for once more with none of them known. Where it then accounts for everything, more likely and in fewer terms,
-or where nothing else did, they go; one that says the same as a term of the formula stays in its place, for its physics
-is known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal,
-and one formula writes it in one term.
+or where nothing else did, they go; so do those that leave something, or that laws of no cause are likelier than, where
+it says more in fewer terms. One that says the same as a term of the formula stays in its place, for its physics is
+known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal, and
+one formula writes it in one term.
 
 A single cause goes, too, where it leaves what is no noise and one term leaves none: a wave is followed by a step.
 """
@@ -47,12 +48,19 @@ class Explanation:
 
 
 def simplest_explanation(
-    searched: SearchResult, last: ScoringProblem, paying: Sequence[AcceptedCause], samples: SampleSource, *, whole: bool
+    searched: SearchResult,
+    last: ScoringProblem,
+    paying: Sequence[AcceptedCause],
+    samples: SampleSource,
+    *,
+    whole: bool,
+    doubtful: bool,
 ) -> Explanation:
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
-    that gain on held-out data; whole: whether these leave nothing."""
+    that gain on held-out data; whole: whether these leave nothing; doubtful: whether laws of no cause are likelier than
+    one of them."""
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, samples))
-    if not paying or (whole and len(paying) < LEAST_CAUSES and is_noise(last, ())):
+    if not paying or (whole and not doubtful and len(paying) < LEAST_CAUSES and is_noise(last, ())):
         return with_causes
     complete = whole or _is_complete(with_causes)
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
@@ -60,11 +68,14 @@ def simplest_explanation(
     alone = propose_formula(searched, last, (), samples, most_terms=most)
     if whole and _are_the_formula(alone, paying):
         return with_causes
-    if not alone.complete or (complete and not _is_simpler(alone, with_causes, last)):
+    # Causes that leave nothing are known physics: only a whole law takes their place.
+    if not alone.terms or (not alone.complete and whole and not doubtful):
+        return with_causes
+    if (complete or not alone.complete) and not _is_simpler(alone, with_causes, last):
         return with_causes
     if known := _causes_in(alone, paying):
         mixed = Explanation(known, propose_formula(searched, last, known, samples))
-        if _is_complete(mixed):
+        if _is_complete(mixed) or not alone.complete:
             return mixed
     return Explanation((), alone)
 
