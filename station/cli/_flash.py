@@ -32,6 +32,7 @@ def flash_and_print(order: RunOrder, path: Path, serial: str, nest: str | None, 
     elif done.how == "stays":
         tell(Message("flash-stays", serial=serial, software_id=done.after))
     else:
-        values = {"serial": serial, "version": result.version or "?", "software_id": done.after}
+        version = result.version or Message("program-without-version")
+        values = {"serial": serial, "version": version, "software_id": done.after}
         tell(Message("flash-done", download_s=done.download_s, **values))
     return 0
