@@ -114,6 +114,7 @@ def set_for_run(unit: Unit, job: Job, *, raw: bool) -> None:
         except DeviceRefused:
             if not setting.may_refuse:
                 raise
+            process_data.refused(unit, setting)
     unit.device.nmt("start")
     switch = writeback.output(job.product.map, raw=raw)
     if switch is None:

@@ -29,8 +29,6 @@ from station.service.unit import RunSetting, Unit
 MOST_PDOS = 8
 #: An event timer counts milliseconds (CiA 301, sub-index 5 of the communication parameters).
 FASTEST_TIMER_HZ = 1000.0
-#: More SYNCs a second take too much of a bus: a PDO that waits for so many of them is set to follow each for the run.
-MOST_SYNCS_HZ = 1000.0
 #: An event timer whose rate is below this share of the recipe's explains why readings are missing.
 SLOW_SHARE = 0.9
 
@@ -47,8 +45,7 @@ def read(unit: Unit, job: Job, store: Store) -> None:
     changes = [s for pdo in found for s in _changes(pdo, setups.get(pdo.number), job.recipe.device.rate_hz, own)]
     unit.settings = (*own, *changes)
     unit.pdos = found
-    rate_hz = job.recipe.device.rate_hz
-    unit.sync_every = max((_sync_every(pdo, setups.get(pdo.number), rate_hz) for pdo in found), default=0)
+    unit.sync_every = max((_sync_every(pdo, setups.get(pdo.number)) for pdo in found), default=0)
 
 
 def _of_node(setup: PdoSetup, unit: Unit, job: Job) -> PdoSetup:
@@ -111,16 +108,17 @@ def _mapping(unit: Unit, number: int) -> tuple[int, ...]:
     return tuple(entry for entry in entries if entry is not None)
 
 
-def _sync_every(pdo: SendingPdo, setup: PdoSetup | None, rate_hz: float) -> int:
+def refused(unit: Unit, setting: RunSetting) -> None:
+    """The device keeps what it was found with: a PDO that stays with every n-th SYNC needs n of them for a reading."""
+    if setting.address[1] == TRANSMISSION and _is_pdo(setting):
+        unit.sync_every = max(unit.sync_every, setting.found[0])
+
+
+def _sync_every(pdo: SendingPdo, setup: PdoSetup | None) -> int:
     """SYNCs from one PDO to the next in the run; 0 where it needs none."""
-    if setup is None and _waits_too_long(pdo, rate_hz):
-        return 1
-    kind = pdo.transmission if setup is None or setup.transmission is None else setup.transmission
-    return max(kind, 1) if kind <= LAST_SYNC else 0
-
-
-def _waits_too_long(pdo: SendingPdo, rate_hz: float) -> bool:
-    return 1 < pdo.transmission <= LAST_SYNC and pdo.transmission * rate_hz > MOST_SYNCS_HZ
+    if setup is None or setup.transmission is None:
+        return int(pdo.transmission <= LAST_SYNC)
+    return max(setup.transmission, 1) if setup.transmission <= LAST_SYNC else 0
 
 
 def _changes(
@@ -131,8 +129,8 @@ def _changes(
         yield from _set_up(pdo, setup)
         return
     kind = pdo.transmission
-    if _waits_too_long(pdo, rate_hz):
-        yield _setting(pdo, TRANSMISSION, bytes([kind]), b"\1")
+    if 1 < kind <= LAST_SYNC:  # units that differ in it must not be sent too many, and no bus carries 240 a reading
+        yield _setting(pdo, TRANSMISSION, bytes([kind]), b"\1", may_refuse=True)
     timed = any(s.address == (COMMUNICATION + pdo.number, EVENT_TIMER) and s.wanted is not None for s in own)
     # Faster than its unit of a millisecond no timer sends: such a device has another event of its own.
     silent = pdo.event_timer is not None and pdo.event_timer_ms == 0 and rate_hz <= FASTEST_TIMER_HZ

@@ -140,11 +140,21 @@ def test_what_the_tumble_needed_is_set_again_for_the_verification_and_put_back(t
     assert ran.memory(SERIAL)["1800:05"] == 0
 
 
-@pytest.mark.parametrize(("transmission", "syncs"), [(3, 3), (240, 1)])
-def test_a_pdo_that_waits_for_many_syncs_gets_them_or_follows_each_for_the_run(
-    tmp_path: Path, transmission: int, syncs: int
+KEEPS_TYPE = "SN0001/refuse:index=0x1800,sub=2,access=write,code=0x06010002"
+
+
+@pytest.mark.parametrize(
+    ("transmission", "faults", "syncs"),
+    [
+        (240, (), 1),
+        (3, (KEEPS_TYPE,), 3),
+        (1, ("SN0002/holds:index=0x1800,sub=2,value=3",), 1),
+    ],
+    ids=["no bus carries so many", "it keeps its type", "units differ"],
+)
+def test_a_pdo_follows_each_sync_for_the_run_or_gets_as_many_as_it_waits_for(
+    tmp_path: Path, transmission: int, faults: tuple[str, ...], syncs: int
 ) -> None:
-    """At 100 Hz type 240 would need 24,000 SYNCs a second, more than a bus carries."""
     sent: list[float] = []
 
     def count(bench: Bench) -> Bench:
@@ -157,8 +167,9 @@ def test_a_pdo_that_waits_for_many_syncs_gets_them_or_follows_each_for_the_run(
         vars(bench.station.bus)["repeat"] = counted
         return bench
 
-    ran = fixture_run.run(tmp_path, recipe=plant.recipe(tmp_path, eds=plant.pdo(transmission)), wrap=count)
-    assert outcome(ran) == ("PASS", [])
+    recipe = plant.recipe(tmp_path, eds=plant.pdo(transmission))
+    ran = fixture_run.run(tmp_path, recipe=recipe, wrap=count, units=2 if transmission == 1 else 1, faults=faults)
+    assert {str(result.outcome) for result in ran.results.values()} == {"PASS"}
     assert sent and sent == pytest.approx([0.01 / syncs] * len(sent))
     assert ran.memory(SERIAL)["1800:02"] == transmission
 
