@@ -203,30 +203,33 @@ def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: F
     A straight line in time is taken off first, and a cell that spreads wider than scale (k) is clipped wider: what
     moves within a block is not an outlier.
     """
-    filled = np.maximum(count, 1.0)[:, None]
-    late = time_s - (np.bincount(cell, time_s, len(count)) / filled[:, 0])[cell]
-    room = np.maximum(np.bincount(cell, late**2, len(count)), 1e-300)[:, None]
-    mean, slope = _sums(values, cell, len(count)) / filled, np.zeros((len(count), values.shape[1]))
-    portions = _portions(cell, len(count))
-    for rows, cells in portions:
-        of, weights = cell[rows] - cells.start, (filled[cells], room[cells], scale)
-        # As many rounds for all, so that a cell does not depend on which others are looked at.
-        for _ in range(HUBER_ROUNDS):
-            step, turn = _step(values[rows], late[rows], of, (mean[cells], slope[cells]), weights)
-            mean[cells], slope[cells] = mean[cells] + step, slope[cells] + turn
+    filled = np.maximum(count, 1.0)
+    late = time_s - (np.bincount(cell, time_s, len(count)) / filled)[cell]
+    room = np.maximum(np.bincount(cell, late**2, len(count)), 1e-300)
+    mean = np.empty((len(count), values.shape[1]))
+    for rows, cells in _portions(cell, len(count)):
+        of, weights = cell[rows] - cells.start, (filled[cells], room[cells])
+        for axis, column in enumerate(values[rows].T):
+            mean[cells, axis] = _huber_mean(np.ascontiguousarray(column), late[rows], of, weights, float(scale[axis]))
     return mean
 
 
-def _step(
-    values: Floats, late: Floats, cell: NDArray[np.intp],
-    line: tuple[Floats, Floats], weights: tuple[Floats, Floats, Floats],
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """By how much means and slopes (cells, k) of a portion's lines move."""
-    (mean, slope), (filled, room, scale), cells = line, weights, len(line[0])
-    off = values - mean[cell] - slope[cell] * late[:, None]
-    wide = np.maximum(scale, 1.2533 * _sums(np.abs(off), cell, cells) / filled)
-    off = np.clip(off, -HUBER_K * wide[cell], HUBER_K * wide[cell])
-    return _sums(off, cell, cells) / filled, _sums(off * late[:, None], cell, cells) / room
+def _huber_mean(
+    values: Floats, late: Floats, cell: NDArray[np.intp], weights: tuple[Floats, Floats], scale: float
+) -> Floats:
+    """The same (cells) of one axis (n) of a portion; weights (cells): how many samples, and Σ of their late².
+
+    As many rounds for all cells, so that none depends on which others are looked at."""
+    filled, room = weights
+    mean, slope = np.bincount(cell, values, len(filled)) / filled, np.zeros(len(filled))
+    for _ in range(HUBER_ROUNDS):
+        off = values - mean.take(cell) - slope.take(cell) * late
+        spread = np.bincount(cell, np.abs(off), len(filled)) / filled
+        widest = (HUBER_K * np.maximum(scale, 1.2533 * spread)).take(cell)
+        off = np.clip(off, -widest, widest)
+        mean = mean + np.bincount(cell, off, len(filled)) / filled
+        slope = slope + np.bincount(cell, off * late, len(filled)) / room
+    return mean
 
 
 def _portions(cell: NDArray[np.intp], cells: int) -> list[tuple[slice, slice]]:
@@ -239,11 +242,6 @@ def _portions(cell: NDArray[np.intp], cells: int) -> list[tuple[slice, slice]]:
     begins = begins[np.diff(begins // SAMPLES_AT_ONCE, prepend=-1) > 0]
     rows, first = [*begins.tolist(), len(cell)], [0, *(stop[begins[1:]] * len(BLOCK_EDGES)).tolist(), cells]
     return [(slice(*r), slice(*c)) for r, c in zip(pairwise(rows), pairwise(first), strict=True)]
-
-
-def _sums(values: Floats, cell: NDArray[np.intp], cells: int) -> Floats:
-    """Sums of values (n, k) over cells."""
-    return np.stack([np.bincount(cell, column, cells) for column in values.T], axis=1)
 
 
 def _first_and_length(time_s: Floats, visit: NDArray[np.intp], stops: int) -> tuple[Floats, Floats]:
