@@ -1,13 +1,15 @@
 """What the diagnosis computes for many at once is what it is for each alone."""
 
 import os
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from station.cli.app import main
-from station.diagnosis.candidates.projected_bank import project_bank
+from station.diagnosis.candidates.bank import build_bank
+from station.diagnosis.candidates.projected_bank import project_bank, visible_candidates
 from station.diagnosis.data.faults import matched_spectrum, spectral_lines
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
@@ -42,6 +44,17 @@ def test_a_candidate_of_the_bank_shows_what_it_shows_alone(problem: Any) -> None
         np.testing.assert_allclose(found.spectrum.m, np.linalg.eigvalsh(m), rtol=1e-9, atol=1e-7 * length)
         patterns.add(c.pattern)
     assert patterns == {"own", "shared", "scan"}
+
+
+def test_what_the_calibration_takes_up_explains_nothing(problem: Any) -> None:
+    """An offset of each unit is its calibration's, whatever is read: what rounding leaves of it is no evidence."""
+    space, layout = problem.space(problem.fit().floor, moving=False), problem.view.layout
+    offset = next(c for c in build_banks(problem.view)[0].candidates if c.name == "turn-on-offset")
+    code, names = problem.view.scene.group("unit")
+    bank = build_bank([replace(offset, of="unit", pattern="own", code=code, names=names)], layout, moving=False)
+    (found,) = project_bank(bank, layout, [space])
+    assert visible_candidates(found, 1.0) == (False,)
+    assert found.evidence[0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_floor_is_fitted_once_for_a_problem(problem: Any) -> None:

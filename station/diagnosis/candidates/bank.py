@@ -33,7 +33,9 @@ MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
 MAX_REFINED_JUMP_TIMES = 12
 #: Units whose columns are in memory at once; and units that are so few that the columns of all are held.
-UNITS_AT_ONCE, FEW_UNITS = 4, 8
+UNITS_AT_ONCE, FEW_UNITS = 8, 8
+#: All columns of a bank.
+ALL_COLUMNS = slice(None)
 #: Over a smaller range of temperature than this, degC, a curve is a straight line.
 MIN_BENT_RANGE_DEGC = 8.0
 #: Levels whose groups belong to one unit each.
@@ -335,32 +337,34 @@ class Bank:
         columns = np.concatenate([np.r_[place[id(m.candidate)]] for m in bank.made])
         return replace(bank, all_columns=self.all_columns.only(columns))
 
-    def rows(self, layout: RowLayout, units: slice) -> DataColumns:
-        """The columns of some units."""
+    def rows(self, layout: RowLayout, units: slice, at: slice = ALL_COLUMNS) -> DataColumns:
+        """The columns of some units, all of them or whole sets of them."""
         if self.all_columns is not None:
-            return self.all_columns.of_units(units)
+            return self.all_columns.of_units(units).only(at)
         stops = layout.grid.part(units)[1]
-        stop = self._scatter_to_groups([m.candidate.columns.retained(layout.keep, stops) for m in self.made], stops)
+        made = [m for m in self.made if (at.start or 0) <= m.at.start < (at.stop or self.made[-1].at.stop)]
+        stop = _scattered(made, [m.candidate.columns.retained(layout.keep, stops) for m in made], stops)
         if not self.moving:
             return layout.columns(stop, None, units)
-        inside = [
-            layout.scaled(dwell, stops) for m in self.made if (dwell := m.candidate.columns.dwell(stops)) is not None
-        ]
+        inside = [layout.scaled(dwell, stops) for m in made if (dwell := m.candidate.columns.dwell(stops)) is not None]
         flat = [dwell.reshape(len(dwell), -1, dwell.shape[-1]) for dwell in inside]
-        return layout.columns(stop, self._scatter_to_groups(flat, stops), units)
+        return layout.columns(stop, _scattered(made, flat, stops), units)
 
-    def _scatter_to_groups(self, parts: Sequence[Floats], stops: slice) -> Floats:
-        """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
-        out = np.zeros((*parts[0].shape[:2], self.made[-1].at.stop))
-        row = np.arange(len(out))
-        for made, columns in zip(self.made, parts, strict=True):
-            if made.at.stop - made.at.start == made.candidate.axes:
-                # One group: its columns are whole.
-                out[..., made.at] = columns
-                continue
-            by_group = out[..., made.at].reshape(*out.shape[:2], -1, made.candidate.axes)
-            by_group[row, :, made.code[stops]] = columns
-        return out
+
+def _scattered(made: Sequence[BankColumns], parts: Sequence[Floats], stops: slice) -> Floats:
+    """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
+    begin = made[0].at.start
+    out = np.zeros((*parts[0].shape[:2], made[-1].at.stop - begin))
+    row = np.arange(len(out))
+    for m, columns in zip(made, parts, strict=True):
+        whole = out[..., m.at.start - begin : m.at.stop - begin]
+        if whole.shape[-1] == m.candidate.axes:
+            # One group: its columns are whole.
+            whole[...] = columns
+            continue
+        by_group = whole.reshape(*out.shape[:2], -1, m.candidate.axes)
+        by_group[row, :, m.code[stops]] = columns
+    return out
 
 
 def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -> Bank:

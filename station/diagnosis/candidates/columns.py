@@ -17,7 +17,8 @@ class StopColumns:
     """Columns of the stops' means (v, 3, a), and of the contrasts (v, B−1, 3, a) where they change within a stop.
 
     axis, column (n): where a column is not zero at some stop; course (n) which of the courses stands there; still
-    (v, f) and moving (v, B−1, f) the courses, the latter None where nothing moves; count: a.
+    (v, f) and moving (v, B−1, f) the courses, the latter None where nothing moves; count: a; on_one_axis: whether each
+    column moves exactly one axis.
     """
 
     axis: NDArray[np.intp]
@@ -26,6 +27,7 @@ class StopColumns:
     still: Floats
     moving: Floats | None
     count: int
+    on_one_axis: bool
 
     @staticmethod
     def of(stop: Floats, dwell: Floats | None = None) -> "StopColumns":
@@ -45,7 +47,8 @@ class StopColumns:
         first = [course.index(f) for f in range(len(found))]
         moving = None if dwell is None else dwell[..., axis[first], column[first]]
         still = stop[:, axis[first], column[first]]
-        return StopColumns(axis, column, np.array(course, np.intp), still, moving, stop.shape[2])
+        alone = np.array_equal(column, np.arange(stop.shape[2]))
+        return StopColumns(axis, column, np.array(course, np.intp), still, moving, stop.shape[2], alone)
 
     def stop(self, stops: slice = ALL_STOPS) -> Floats:
         """Whole columns of some stops' means (v, 3, a)."""
@@ -57,9 +60,9 @@ class StopColumns:
 
     def retained(self, keep: Floats, stops: slice = ALL_STOPS) -> Floats:
         """What `keep` (v, k, 3) of all stops leaves of some stops' means (v, k, a)."""
-        if len(self.axis) == self.count and np.array_equal(self.column, np.arange(self.count)):
-            return np.asarray(keep[stops][:, :, self.axis] * self.still[stops][:, None, self.course])
-        return np.asarray(keep[stops] @ self.stop(stops))
+        if not self.on_one_axis:
+            return np.asarray(keep[stops] @ self.stop(stops))
+        return np.asarray(keep[stops].take(self.axis, axis=2) * self.still[stops].take(self.course, axis=1)[:, None])
 
     def select_visits(self, chosen: Array) -> "StopColumns":
         """The same at some of the stops."""

@@ -5,6 +5,7 @@ evidence needs: the eigenvalues of the normal matrix ZᵀZ = E diag(m) Eᵀ, and
 known columns and the readings.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -25,9 +26,13 @@ from station.diagnosis.linear.evidence import (
 )
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.parted_space import PartedSpace
-from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
+from station.diagnosis.linear.projection import DataColumns, ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
+#: Columns whitened together at the most, a megabyte and a half of eight units of 216 readings.
+COLUMNS_AT_ONCE = 96
+#: Columns that keep less than this share of their squares beside what is known are combinations of it.
+LEAST_LEFT = 1e-13
 #: Eigenvalues looked at together: with a number for each amplitude, some 10 MB.
 EIGENVALUES_AT_ONCE = 1 << 15
 
@@ -100,28 +105,27 @@ def project_bank(
     kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros(1, np.intp)) for i in scans]
     parts: list[list[list[NormalProducts | EigenProducts]]] = [[] for _ in spaces]
     kept: list[list[Array]] = [[] for _ in spaces]
-    for units in layout.grid.parts(UNITS_AT_ONCE):
-        if not bank.candidates:
-            # A space of many units sums its readings while they are gone through.
-            for each in spaces:
-                each.part(units)
-            continue
-        rows = bank.rows(layout, units) if bank.made else None
-        single = [visit_columns(bank, i, layout, units) for i in scans]
-        for i, space in enumerate(each.part(units) for each in spaces):
-            found, white = list[NormalProducts](), list[Array]()
-            for block in blocks if bank.made else ():
-                assert rows is not None
-                columns = space.project(rows.only(block.at))
-                found += _products(block, columns, space)
-                white += [columns.astype(np.float32)] if axes else []
-            if white:
-                kept[i].append(np.concatenate(white, axis=2))
-            if single:
-                visits = VisitSpace.of(space, layout.grid.k)
-                found += [visits.products(one) for one in single]
-            pairs = zip(kinds, found, strict=True)
+    # Spaces that are not held are gone through for what the readings are in them, candidates or none.
+    needed = bank.candidates or any(isinstance(space, PartedSpace) for space in spaces)
+    for units in layout.grid.parts(UNITS_AT_ONCE) if needed else ():
+        seen = [PartOfSpace.of(space.part(units)) for space in spaces]
+        found: list[list[NormalProducts]] = [[] for _ in spaces]
+        white: list[list[Array]] = [[] for _ in spaces]
+        for block in blocks:
+            rows = [bank.rows(layout, units, at) for at in block.parts()]
+            for i, part in enumerate(seen):
+                found[i] += part.products(block, rows)
+                white[i] += part.free(rows) if axes else []
+        if scans:
+            single = [visit_columns(bank, i, layout, units) for i in scans]
+            for i, part in enumerate(seen):
+                visits = VisitSpace.of(part.space, layout.grid.k)
+                found[i] += [visits.products(one) for one in single]
+        for i in range(len(spaces)):
+            pairs = zip(kinds, found[i], strict=True)
             parts[i].append([x if kind.pattern == "shared" else _diagonal(kind, x, axes=axes) for kind, x in pairs])
+            if white[i]:
+                kept[i].append(np.concatenate(white[i], axis=2))
     drawn = [AxesSource(np.concatenate(k) if k else None, layout) if axes else None for k in kept]
     return tuple(_merge_parts(bank, kinds, *each) for each in zip(spaces, parts, drawn, strict=True))
 
@@ -151,12 +155,22 @@ class ShapeGroup(NamedTuple):
 
 
 class ColumnBlock(NamedTuple):
-    """Sets of columns of one width, side by side, and the candidates that see them: few enough columns for a
-    processor's cache."""
+    """Sets of columns of one width, side by side, and the candidates that see them."""
 
     at: slice
     width: int
     kinds: tuple[ShapeGroup, ...]
+
+    @property
+    def groups(self) -> int:
+        """Into how many groups every set falls of which no candidate sees more than one at a time."""
+        return math.gcd(*(kind.groups if kind.pattern == "scan" else 1 for kind in self.kinds))
+
+    def parts(self) -> Iterator[slice]:
+        """The columns of some sets at a time, few enough for a processor's cache."""
+        step = self.width * max(1, COLUMNS_AT_ONCE // self.width)
+        for first in range(self.at.start, self.at.stop, step):
+            yield slice(first, min(first + step, self.at.stop))
 
 
 def _column_blocks(bank: Bank) -> list[ColumnBlock]:
@@ -185,29 +199,68 @@ def _column_blocks(bank: Bank) -> list[ColumnBlock]:
     ]
 
 
-def _products(block: ColumnBlock, columns: Floats, space: ResidualSpace) -> Iterator[NormalProducts]:
-    """The products of the units' white columns (U, M, C) of a block, of each of its kinds: (b, U, K, …),
-    (b, U, G, K, …) of a scan, (b, K, …) summed over the units of a shared one."""
-    Z = np.ascontiguousarray(columns.swapaxes(1, 2))
-    U, _, M = Z.shape
-    sets = Z.reshape(U, -1, block.width, M)
-    cross = (Z @ space.shared_basis).reshape(*sets.shape[:3], -1)
-    readings = (Z @ space.data[..., None]).reshape(sets.shape[:3])
-    # Candidates that share a coefficient and those that do not see the same columns: one product serves both.
-    whole = sets @ sets.swapaxes(2, 3) if any(kind.pattern != "scan" for kind in block.kinds) else None
-    for kind in block.kinds:
-        if kind.pattern == "scan":
-            rows = sets[:, kind.sets].reshape(U, len(kind.sets), kind.groups, -1, M)
-            normal = rows @ rows.swapaxes(-1, -2)
-        else:
-            assert whole is not None
-            normal = whole[:, kind.sets]
-        found = NormalProducts(
-            normal,
-            cross[:, kind.sets].reshape(*normal.shape[:-1], -1),
-            readings[:, kind.sets].reshape(normal.shape[:-1]),
-        )
-        yield NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
+class PartOfSpace(NamedTuple):
+    """The space of some units, and what a column is compared with in it, as rows (U, 1 + c + p, ·): the readings, the
+    known columns that all units share, and those of each unit."""
+
+    space: ResidualSpace
+    known: Floats
+
+    @staticmethod
+    def of(space: ResidualSpace) -> "PartOfSpace":
+        """From the space. The basis is made orthonormal to the last digit, since squares of columns are compared with
+        squares of what it takes from them."""
+        near = space.basis.swapaxes(1, 2) @ space.basis
+        basis = space.basis @ (1.5 * np.eye(near.shape[-1]) - 0.5 * near)
+        known = np.concatenate([space.data[..., None], space.shared_basis, basis], axis=2)
+        covariance = replace(space.covariance, runs=space.covariance.runs.run_by_run())
+        return PartOfSpace(replace(space, covariance=covariance), np.ascontiguousarray(known.swapaxes(1, 2)))
+
+    def products(self, block: ColumnBlock, rows: Sequence[DataColumns]) -> Iterator[NormalProducts]:
+        """The products of the columns of a block, of each of its kinds: (b, U, K, …), (b, U, G, K, …) of a scan,
+        (b, K, …) summed over the units of a shared one."""
+        found = [self._products(block, some) for some in rows]
+        normal, taken = (np.concatenate(x, axis=1) if len(x) > 1 else x[0] for x in zip(*found, strict=True))
+        own = 1 + self.space.shared_basis.shape[2]
+        for kind in block.kinds:
+            yield _products_of(kind, normal[:, kind.sets], taken[:, kind.sets], own)
+
+    def _products(self, block: ColumnBlock, rows: DataColumns) -> tuple[Floats, Floats]:
+        """Of columns of some sets the normal matrices of their groups (U, b, G, K/G, K/G) before anything is taken off,
+        and their products with what is known (U, b, K, 1 + c + p)."""
+        white = self.space.covariance.whiten(rows, self.space.dwell)
+        U, M, C = white.shape
+        taken = (self.known[..., :M] @ white).reshape(U, -1, C // block.width, block.width).transpose(0, 2, 3, 1)
+        sets = white.reshape(U, M, C // block.width, block.groups, -1).transpose(0, 2, 3, 4, 1)
+        return sets @ sets.swapaxes(-1, -2), taken
+
+    def free(self, rows: Sequence[DataColumns]) -> list[Array]:
+        """The same columns as white rows (U, M, …) without what the units' own known ones take up, in single
+        precision."""
+        return [self.space.project(some).astype(np.float32) for some in rows]
+
+
+def _products_of(kind: ShapeGroup, normal: Floats, taken: Floats, own: int) -> NormalProducts:
+    """The products of a kind from those of its sets, `own` being how many come before the units' own known columns."""
+    U, b, K = taken.shape[:3]
+    if kind.pattern == "scan":
+        a = K // kind.groups
+        taken = taken.reshape(U, b, kind.groups, a, -1)
+        # The normal matrices of a set's groups are blocks on the diagonal of its own.
+        G, each = normal.shape[2], kind.groups // normal.shape[2]
+        normal = np.einsum("ubGgigj->ubGgij", normal.reshape(U, b, G, each, a, each, a)).reshape(U, b, -1, a, a)
+    else:
+        normal = normal[:, :, 0]
+    known = taken[..., own:]
+    left = normal - known @ known.swapaxes(-1, -2)
+    before, after = (np.einsum("...kk->...", x)[..., None, None] for x in (normal, left))
+    lost = after <= LEAST_LEFT * before
+    if lost.any():
+        # What the known columns take up is as small as rounding in all directions, and explains nothing.
+        left = np.where(lost, LEAST_LEFT**2 * before * np.eye(left.shape[-1]), left)
+        taken = np.where(lost, 0.0, taken)
+    found = left, taken[..., 1:own], taken[..., 0]
+    return NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
 
 
 def _merge_parts(

@@ -70,13 +70,28 @@ class RunFilter:
         """The filter of some units."""
         return replace(self, member=self.member[units])
 
+    def run_by_run(self) -> "RunFilter":
+        """The same with a kind for each run, where they are of several: what whitens many columns one after the other
+        gathers the factors once."""
+        if len(self.inverse) == 1:
+            return self
+        every = self.member.ravel()
+        inverse, observed, gain = (x[every] for x in (self.inverse, self.observed, self.gain))
+        return replace(
+            self, inverse=inverse, observed=observed, gain=gain, member=np.arange(every.size).reshape(self.member.shape)
+        )
+
     def whiten(self, rows: Array, out: Array | None = None) -> Array:
         """L⁻¹ times rows (U, R, m, c)."""
-        if self.inverse.shape[1] == 1:
-            # Runs of one kind need no copy each of what they share.
-            inverse = self.inverse[0] if len(self.inverse) == 1 else self.inverse[self.member, 0]
-            return _lower_triangular_product(inverse, rows, np.empty(rows.shape, rows.dtype) if out is None else out)
-        white = self.inverse[self.member] @ self._split(rows)
+        out = np.empty(rows.shape, rows.dtype) if out is None else out
+        inverse = self._inverse_of_runs()
+        if inverse.shape[-3] == 1:
+            return _lower_triangular_product(inverse[..., 0, :, :], rows, out)
+        split = self._split(rows)
+        if not self.walks and split.shape[2] * split.shape[3] == rows.shape[2]:
+            np.matmul(inverse, split, out=out.reshape(split.shape))
+            return out
+        white = inverse @ split
         if not self.walks:
             return self._joined(white, out)
         observed, gain = self.observed[self.member], self.gain[self.member]
@@ -134,6 +149,15 @@ class RunFilter:
         by_visit = roots.reshape(C, B, rows, s // k, k).swapaxes(2, 3)
         blocks = by_visit.swapaxes(-1, -2) @ by_visit
         return np.asarray(blocks.reshape(C, -1, k, k)[:, : self.rows // k])
+
+    def _inverse_of_runs(self) -> Array:
+        """The factors of each run (U, R, B, s, s), or (B, s, s) where all runs are of one kind: no copy is made of what
+        they share, or where each is of its own kind."""
+        if len(self.inverse) == 1:
+            return self.inverse[0]
+        if len(self.inverse) == self.member.size and np.array_equal(self.member.ravel(), np.arange(self.member.size)):
+            return np.asarray(self.inverse.reshape(*self.member.shape, *self.inverse.shape[1:]))
+        return np.asarray(self.inverse[self.member])
 
     def _split(self, rows: Array) -> Array:
         blocks, size = self.inverse.shape[1:3]
