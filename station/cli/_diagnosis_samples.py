@@ -38,14 +38,14 @@ class MeasuredSource:
 
     def portions(self) -> Callable[[], Iterator[SampleTable]] | None:
         """A large table in portions of whole units, a new pass at each call; None of any other. SamplesError."""
-        from station.wiring.sample_files import by_units, rows_about, units_contiguous
+        from station.wiring.sample_files import portions_of_units, rows_about, units_contiguous
 
         path = self.samples
         if path is None or self.db is not None or self.since is not None or path.suffix.lower() in CAN_LOGS:
             return None
         if not LARGE_ROWS < rows_about(path) <= MOST_ROWS or not units_contiguous(path):
             return None
-        return partial(by_units, path, PORTION_ROWS)
+        return partial(portions_of_units, path, PORTION_ROWS)
 
 
 def _table(samples: Path | None, db: Path | None, since: str | None, recipe_name: str, recipe: Recipe) -> SampleTable:

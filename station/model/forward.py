@@ -5,7 +5,7 @@ a = Rᵀ · stimulus + Σ stimulus effects                                 what 
 reading = M_u · a + b_u + Σ sensor effects(a)                          what it reads, before its converter
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -144,14 +144,19 @@ def convert_output(scene: Scene, reading: Floats, active: ActiveEffects) -> Floa
     return reading
 
 
-def signature(
+def signature(scene: Scene, base: BaseResponse, effect: Effect, of: str = "") -> list[Floats]:
+    """`derivatives` with no other cause at work."""
+    return list(derivatives(scene, base, effect, of))
+
+
+def derivatives(
     scene: Scene,
     base: BaseResponse,
     effect: Effect,
     of: str = "",
     active: ActiveEffects = NO_EFFECTS,
     signal: Signal | None = None,
-) -> list[Floats]:
+) -> Iterator[Floats]:
     """Derivative (n, 3) of `forward` by each axis' coefficient, all groups of level `of` at once: one array an axis.
 
     Central differences about zero, with a step of a tenth of the typical size. A coefficient acts on its own
@@ -164,7 +169,6 @@ def signature(
     groups = len(scene.group(of)[1])
     signal = sensor_signal(scene, active) if signal is None else signal
     rest = Signal(scene, signal.at_visit[scene.visit], signal.at_visit)
-    derivatives = []
     for step in np.eye(len(effect.columns)) * h:
         acting = ActiveEffect(effect, np.tile(step, (groups, 1)), of)
         if isinstance(effect, SensorEffect):
@@ -179,8 +183,8 @@ def signature(
             both = (acting, acting._replace(coefficients=-acting.coefficients))
             felt = (sensor_signal(scene, {**active, "?": one}) for one in both)
             apart = _difference(next(felt), next(felt), base, active)
-        derivatives.append(apart / (2 * h))
-    return derivatives
+        apart /= 2 * h
+        yield apart
 
 
 def _difference(one: Signal, two: Signal, base: BaseResponse, active: ActiveEffects) -> Floats:

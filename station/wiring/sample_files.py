@@ -3,6 +3,7 @@
 from station.adapters.samples import (
     by_units,
     join,
+    portions_of_units,
     read_samples,
     rows_about,
     units_contiguous,
@@ -21,6 +22,7 @@ __all__ = [
     "PieceOrigin",
     "by_units",
     "join",
+    "portions_of_units",
     "read_samples",
     "rows_about",
     "units_contiguous",

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from station.diagnosis.candidates import projected_bank
+from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.linear import noise_floor
+from station.diagnosis.linear import noise_floor, projection
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
@@ -175,3 +176,20 @@ def test_a_floor_is_the_same_from_units_one_by_one(problem: Any, monkeypatch: py
     alone = problem.fit(upper=bound)
     np.testing.assert_allclose(alone.floor.variances, together.floor.variances, rtol=1e-7, atol=1e-20)
     np.testing.assert_allclose(alone.covariance, together.covariance, rtol=1e-6, atol=1e-30)
+
+
+def test_a_space_is_made_some_units_at_a_time(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of many units what stays of each is held, and what it takes to get there is not."""
+    accepted = next(c for c in all_candidates(problem.view) if c.of == "common" and c.moving and c.pattern == "shared")
+    beside = problem.with_accepted([accept_candidate(accepted, np.ones(len(accepted.names), bool), 1e-3)])
+    assert beside.known.shared.stop.shape[-1] and beside.known.shared_precision.all()
+    covariance = problem.structure.covariance(problem.fit().floor.variances)
+    seen = covariance, beside.known, *beside.readings(moving=True)
+    whole, peak = traced(lambda: projection.residual_space(*seen))
+    monkeypatch.setattr(projection, "UNITS_AT_ONCE", 1)
+    parted, less = traced(lambda: projection.residual_space(*seen))
+    assert less < 0.75 * peak, (less, peak)
+    for name in ("logdet", "rest", "dof", "shared_logdet"):
+        assert getattr(parted, name) == pytest.approx(getattr(whole, name), rel=1e-10)
+    np.testing.assert_allclose(parted.residual, whole.residual, atol=1e-9)
+    np.testing.assert_array_equal(parted.live, whole.live)

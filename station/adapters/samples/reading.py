@@ -77,18 +77,26 @@ def rows_about(path: Path) -> int:
 def by_units(path: Path, rows: int = PORTION) -> Iterator[SampleTable]:
     """The table in portions of whole units, about `rows` rows each, where the file keeps each unit's rows together;
     else in one. Memory then follows the portion and not the file. Errors: SamplesError."""
+    if units_contiguous(path):
+        yield from portions_of_units(path, rows)
+    else:
+        yield read_samples(path)
+
+
+def portions_of_units(path: Path, rows: int = PORTION) -> Iterator[SampleTable]:
+    """The same of a file that is known to keep each unit's rows together. Errors: SamplesError."""
     import pyarrow as pa
 
-    if not units_contiguous(path):
-        yield read_samples(path)
-        return
     held: list[SampleTable] = []
     for piece in pieces(path):
         other = np.flatnonzero(piece.unit.code != piece.unit.code[-1])
         begins = int(other[-1]) + 1 if len(other) else 0
         if begins and sum(map(len, held)) + begins >= rows:
-            yield join([*held, piece[:begins]])
-            held = [piece[begins:]]
+            # Only the portion and what comes after it are held while it is looked at.
+            portion, held = join([*held, piece[:begins]]), [piece[begins:]]
+            del piece
+            yield portion
+            del portion
             # Arrow keeps what it has freed, and would come to hold several portions.
             pa.default_memory_pool().release_unused()
         else:

@@ -24,10 +24,10 @@ from station.model.forward import (
     ActiveEffect,
     ActiveEffects,
     BaseResponse,
+    derivatives,
     forward,
     resting_stimulus,
     sensor_signal,
-    signature,
 )
 from station.model.scene import Scene, Signal
 
@@ -104,11 +104,11 @@ class ResidualView:
     def signature(self, effect: Effect, of: str = "") -> tuple[Floats, Floats | None]:
         """Derivatives by each axis' coefficient: of the stops' means (v, 3, axes) and of their contrasts
         (v, B−1, 3, axes), None where the cause stands still during a stop."""
-        r = self.reduced
+        r, at = self.reduced, (self.base, effect, of, self.active)
         if not _varies_in_dwell(effect):
-            return np.stack(signature(r.scene, self.base, effect, of, self.active, self._signal), axis=-1), None
-        moving = signature(r.fine, self.base, effect, of, self.active, self._fine_signal)
-        parts = [r.reduce_fine(d) for d in moving]
+            return np.stack(list(derivatives(r.scene, *at, self._signal)), axis=-1), None
+        # One at a time: a derivative inside the blocks has sixteen times as many numbers as what is kept of it.
+        parts = [r.reduce_fine(d) for d in derivatives(r.fine, *at, self._fine_signal)]
         return np.stack([p[0] for p in parts], axis=-1), np.stack([p[1] for p in parts], axis=-1)
 
     def covariate_error(self, acting: ActiveEffect) -> Floats | None:

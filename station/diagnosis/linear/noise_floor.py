@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.linear.grid import VisitGrid
 from station.diagnosis.linear.projection import (
+    UNITS_AT_ONCE,
     DataColumns,
     FloorCovariance,
     NuisanceColumns,
@@ -25,8 +26,6 @@ from station.domain.core.types import Floats
 
 #: Nats of log-likelihood below which a floor is not worth improving.
 CONVERGED_NATS = 2e-5
-#: Units looked at together for a step of the search.
-UNITS_AT_ONCE = 64
 
 
 @dataclass(frozen=True, slots=True)

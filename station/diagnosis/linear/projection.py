@@ -45,6 +45,8 @@ class DataColumns(NamedTuple):
 
 #: All units.
 ALL_UNITS = slice(None)
+#: Units looked at together where each needs several times as many numbers as stay.
+UNITS_AT_ONCE = 64
 #: A column that keeps less than this share of its length is taken for a combination of the others.
 RANK_TOLERANCE = 1e-7
 #: Columns of length one whose normal matrix has no smaller eigenvalue are told apart to twelve digits by it alone.
@@ -100,9 +102,11 @@ class FloorCovariance:
         """Rows of unit variance (U, R·m + dwell + more, c) of some units; `dwell` is how many contrasts a unit shall
         keep, `more` how many rows of zeros come after."""
         U, R, m, c = rows.stop.shape
-        white = np.zeros((U, R * m + dwell + more, c))
+        moving = bool(dwell) and rows.dwell is not None
+        white = np.empty((U, R * m + dwell + more, c))
+        white[:, R * m + dwell * moving :] = 0.0
         self.runs.of_units(units).whiten(rows.stop, out=white[:, : R * m].reshape(U, R, m, c))
-        if dwell and rows.dwell is not None:
+        if moving:
             white[:, R * m : R * m + dwell] = rows.dwell
         return white
 
@@ -197,21 +201,57 @@ class ResidualSpace:
 def residual_space(
     covariance: FloorCovariance, known: NuisanceColumns, readings: DataColumns, count: int
 ) -> ResidualSpace:
-    """The space of `count` readings (one column). Contrasts are kept where the readings have them."""
+    """The space of `count` readings (one column). Contrasts are kept where the readings have them. Some units at a
+    time: on the way to what is kept of a unit there are several times as many numbers."""
     dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
-    own_rows, shared_rows, targets = prior_rows(known)
+    priors, units = prior_rows(known), len(readings.stop)
+    parts = [
+        _units_space(covariance, known, readings, priors, slice(first, first + UNITS_AT_ONCE))
+        for first in range(0, units, UNITS_AT_ONCE)
+    ]
+    basis, free, residual, live = (_joined([getattr(p, n) for p in parts]) for n in ("basis", "free", "data", "live"))
+    border, common = _orthonormal(free)
+    logdet = covariance.logdet + sum(p.logdet for p in parts) + common
+    dof = count + known.prior_count - sum(p.rank for p in parts) - border.shape[2]
+    return ResidualSpace(covariance, dwell, live, basis, border, common, logdet, dof, residual)
+
+
+class _UnitsSpace(NamedTuple):
+    """Of some units the own known columns' basis (U, M, p), its rank and the log-determinant of their normal matrix;
+    the shared columns (U, M, c) and the readings (U, M) free of them; live (U, M) rows that hold anything."""
+
+    basis: Floats
+    rank: int
+    logdet: float
+    free: Floats
+    data: Floats
+    live: NDArray[np.bool_]
+
+
+def _units_space(
+    covariance: FloorCovariance,
+    known: NuisanceColumns,
+    readings: DataColumns,
+    priors: tuple[Floats, Floats, Floats],
+    units: slice,
+) -> _UnitsSpace:
+    covariance, known, readings = covariance.of_units(units), known.of_units(units), readings.of_units(units)
+    own_rows, shared_rows, targets = (rows[units] for rows in priors)
+    dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
     white = [covariance.whiten(rows, dwell) for rows in (known.own, known.shared, readings)]
     own, shared, data = (
         np.concatenate(pair, axis=1) for pair in zip(white, (own_rows, shared_rows, targets), strict=True)
     )
-    basis, rank, logdet_own = _basis(own)
+    basis, rank, logdet = _basis(own)
     free = shared - basis @ (basis.transpose(0, 2, 1) @ shared)
-    border, common = _orthonormal(free)
     residual = (data - basis @ (basis.transpose(0, 2, 1) @ data))[..., 0]
-    logdet = covariance.logdet + logdet_own + common
     live = np.concatenate([_live(covariance, readings, dwell), (own_rows != 0).any(2) | (shared_rows != 0).any(2)], 1)
-    dof = count + known.prior_count - rank - border.shape[2]
-    return ResidualSpace(covariance, dwell, live, basis, border, common, logdet, dof, residual)
+    return _UnitsSpace(basis, rank, logdet, free, residual, live)
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    """Units one after the other; those of a single part are not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _live(covariance: FloorCovariance, readings: DataColumns, dwell: int) -> NDArray[np.bool_]:

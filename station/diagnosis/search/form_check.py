@@ -46,7 +46,7 @@ NEAR_NATS = 2.0
 #: Laws further behind the best than this, nats, are not tried under other floors.
 PROMISING_NATS = 12.0
 #: Numbers in the columns of the laws looked at together, 2 MiB a law of 28,800 visits; and laws at the least.
-COLUMNS_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 23, 16
+COLUMNS_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 22, 16
 
 
 @dataclass(frozen=True, slots=True)
