@@ -4,6 +4,7 @@ import numpy as np
 from metrology_rows.bench import Bench
 from metrology_rows.designs import READINGS, Floats, recipe
 from metrology_rows.report import Report
+from scipy.special import ndtr
 
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.line_quality import history
@@ -13,6 +14,8 @@ OFFSET_LIMIT, GAIN_LIMIT = 0.03, 0.015
 #: Of units of one station, gains: standard deviation of a process, and of gravity, which nobody knows there.
 PROCESS, GRAVITY = 0.01, 0.003
 STATIONS, LEARNT_FROM = 100, 40
+#: Of bench.Bench's offsets; of one reading where the process is learnt.
+OFFSET_PROCESS, LEARNT_NOISE = 0.02, 0.03
 
 
 def risks(units: int, report: Report) -> None:
@@ -51,7 +54,7 @@ def learnt(units: int, report: Report) -> None:
         ratio = stated / max(true, 1)
         # Units of a station are right or wrong together: the spread is that of stations.
         spread = float(np.sqrt(((each[:, 0] - ratio * each[:, 1]) ** 2).sum()) / max(true, 1))
-        more = f"stated {stated:.1f}, true {true:.0f} of {passed:.0f} passed"
+        more = f"stated {stated:.1f}, true {true:.1f} of {passed:.0f} passed"
         report.show(f"stated ÷ true risk, process learnt, {what}", seed, ratio, (0.8, 1.25), spread, more)
 
 
@@ -64,12 +67,33 @@ def one_station(count: int, rng: np.random.Generator, mean: Floats, report: Repo
     def measured(by: Recipe, units: int) -> tuple[Bench, list[CalibrationResult]]:
         bench = Bench(by, units, report, int(rng.integers(2**31)))
         bench.matrix = bench.matrix + np.diag(mean)
-        noise = 0.03 * bench.rng.standard_normal((units, len(bench.poses), READINGS, 3))
+        noise = LEARNT_NOISE * bench.rng.standard_normal((units, len(bench.poses), READINGS, 3))
         return bench, bench.results(bench.readings(bench.truth(size=size), noise))
 
     before = measured(of, LEARNT_FROM)[1]
     known = history.learn_history([past(r, i) for i, r in enumerate(before)], np.ones(12, bool), ())
-    return counted(*measured(known.applied(of), count))
+    bench, results = measured(known.applied(of), count)
+    stated, _, passed = counted(bench, results)
+    return stated, expected_beyond(results, mean, size, len(bench.poses)), passed
+
+
+def expected_beyond(results: list[CalibrationResult], mean: Floats, size: float, poses: int) -> float:
+    """Passed units that are beyond a limit, as many as there are in the mean over all truths that could have given
+    these results: by the generator's own process and gravity, in closed form, so that no luck of few units is in it."""
+    found = [r.calibration for r in results if r.verdict.outcome == "PASS" and r.calibration is not None]
+    offset = np.array([c.offset for c in found]).reshape(-1, 3)
+    gain = np.array([np.diagonal(c.matrix) for c in found]).reshape(-1, 3) / size
+    noise = LEARNT_NOISE / READINGS**0.5
+    inside = within(offset, 0.0, OFFSET_PROCESS, noise / poses**0.5, OFFSET_LIMIT)
+    inside = inside * within(gain - 1, mean, PROCESS, noise / (poses / 3) ** 0.5 / size, GAIN_LIMIT)
+    return float((1 - inside.prod(axis=1)).sum())
+
+
+def within(result: Floats, mean: Floats | float, process: float, noise: float, limit: float) -> Floats:
+    """Probability that the truth is within ± limit, of a normal process and a result with normal noise."""
+    share = process**2 / (process**2 + noise**2)
+    centre, std = share * result + (1 - share) * mean, share**0.5 * noise
+    return np.asarray(ndtr((limit - centre) / std) - ndtr((-limit - centre) / std))
 
 
 def past(result: CalibrationResult, number: int) -> history.PastResult:

@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -93,8 +94,13 @@ def by_certificate(serial: str, values: Sequence[str], due: str) -> RegisteredUn
             pair = float(value), float(wide)
         except ValueError as exc:
             raise UsageError("golden-value-form", text=text[:60]) from exc
-        if name not in coefficients.NAMES or not pair[1] > 0 or not all(map(math.isfinite, pair)):
+        if not all(map(math.isfinite, pair)):
             raise UsageError("golden-value-form", text=text[:60])
+        if name not in coefficients.NAMES:
+            nearest = get_close_matches(name, coefficients.NAMES, 1, 0)[0]
+            raise UsageError("golden-value-name", name=name[:40], nearest=nearest)
+        if pair[1] <= 0:
+            raise UsageError("golden-value-uncertainty", name=name, wide=pair[1])
         if name in found:
             raise UsageError("golden-value-twice", name=name)
         found[name] = pair

@@ -87,6 +87,8 @@ def test_wrong_questions_are_told(folder: Path, capsys: pytest.CaptureFixture[st
         (("golden", "register", "SN0001"), "station.db"),
         (("golden", "register", "SN0001", "--value", "gain z=nan:1"), "must be NAME=VALUE:U"),
         (("golden", "register", "SN0001", "--value", "gain z=1:inf"), "must be NAME=VALUE:U"),
+        (("golden", "register", "SN0001", "--value", "gain w=1:0.1"), "no coefficient; the nearest is 'gain z'"),
+        (("golden", "register", "SN0001", "--value", "gain z=1:0"), "gain z U = 0: write the expanded uncertainty"),
         (("golden", "register", "SN0001", "--value", "gain z=1:0.1", "--due", "2020-01-01"), "has passed"),
     ):
         assert station(*words) == 2

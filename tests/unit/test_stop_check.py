@@ -108,14 +108,15 @@ def test_axes_that_cannot_be(layout: SensorLayout, recipe: Recipe) -> None:
 
 
 def test_a_coarse_sensor_may_stand_still(layout: SensorLayout, recipe: Recipe) -> None:
-    quiet = recipe.model_copy(update={"device": recipe.device.model_copy(update={"noise_density": 1e-7, "lsb": 1e-3})})
-    still = np.tile([0.0123, 0.03, 1.0], (100, 1))
+    """Where frames are as coarse as its steps, and where they are finer and the recipe says how coarse it is."""
+    still = np.tile([0.0125, 0.0375, 1.0], (100, 1))
     assert "stuck" in checks(layout, recipe, still)
     coarse = replace(layout, sample=replace(layout.sample, signals=tuple(
         replace(s, scale=0.0125) if s.name in "XYZ" else s for s in layout.sample.signals
     )))  # fmt: skip
-    came = frames(coarse, still)
-    assert not check(visit(coarse, came), UP, quiet, coarse)
+    assert not check(visit(coarse, frames(coarse, still)), UP, recipe, coarse)
+    sheet = recipe.device.model_copy(update={"lsb": 0.0125})
+    assert not checks(layout, recipe.model_copy(update={"device": sheet}), still)
 
 
 def test_a_part_that_is_touched_during_the_dwell(layout: SensorLayout, recipe: Recipe) -> None:

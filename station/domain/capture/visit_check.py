@@ -138,7 +138,7 @@ def _axes(d: Visit, xyz: Floats, recipe: Recipe, layout: SensorLayout) -> Iterat
         if high >= top - signal.scale or low <= max(-top, min(ends)) + signal.scale:
             message = Message("axis-clipped", axis=axis, limit=float(top), unit=unit, position=d.position)
             yield Reason(message, float(max(high, -low)), float(top), unit, check="clipped")
-        elif low == high and noise > abs(signal.scale) / 2:
+        elif low == high and noise > max(abs(signal.scale), recipe.device.lsb) / 2:
             message = Message("axis-without-noise", axis=axis, value=float(low), unit=unit, position=d.position)
             yield Reason(message, check="stuck")
         if limit is not None and std[i] > limit:
