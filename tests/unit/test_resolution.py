@@ -25,6 +25,17 @@ def test_readings_that_never_change_take_the_sheets(rng: np.random.Generator) ->
     assert resolution.step_of(dwells(np.full((3, 20, 3), 0.0127)), 0.0127).tolist() == [0.0127] * 3
 
 
+def test_steps_in_finer_frames_are_the_sheets(rng: np.random.Generator) -> None:
+    """A converter of 12.7 mg in frames of 0.0625 mg: levels 203 or 204 of these apart, so that none is seen."""
+    x = np.round(np.linspace(-1, 1, 6)[:, None, None] / 0.0127 + 0.3 * rng.standard_normal((6, 80, 3))) * 0.0127
+    found = dwells(np.round(x / 6.25e-5) * 6.25e-5)
+    seen = resolution.step_of(found, 0.0127)
+    assert seen.tolist() == [0, 0, 0]
+    assert resolution.stated_step(found, seen, 0.0127).tolist() == [0.0127] * 3
+    assert resolution.stated_step(found, seen, 0.02).tolist() == [0, 0, 0], "readings changed by less"
+    assert resolution.stated_step(dwells(rng.standard_normal((6, 80, 3))), seen, 0.0127).tolist() == [0, 0, 0]
+
+
 def test_single_readings_show_a_step_only_on_a_grid(rng: np.random.Generator) -> None:
     """The nearest two of a list of poses are no step of its sensor."""
     poses = rng.standard_normal((40, 1, 3))

@@ -101,6 +101,21 @@ def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generat
     assert any("steps of 0.0127" in render(note) for note in found.calibration.notes)
 
 
+@pytest.mark.parametrize("frame", [0.0, 6.25e-5])
+def test_rounding_of_few_dwells_is_counted_once(rng: np.random.Generator, frame: float) -> None:
+    """Steps of 12.7 mg, ten times the noise, as they are or in finer frames: no U of a gain is far from what two
+    rounded readings make, and rounding is not counted as scatter again: chance shows some in four of ten units."""
+    recipe = tumble.recipe("six-point", device={"lsb": 0.0127, "rounding": "nearest"}, reference=RIG)
+    theta = tumble.units(rng, 60)
+    table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 0.00127, 60, rng)
+    reading = np.round(table.reading / 0.0127) * 0.0127
+    table = replace(table, reading=np.round(reading / frame) * frame if frame else reading)
+    found = [r.budget for r in pipeline.calibrate(recipe, table, TODAY) if r.budget is not None]
+    wide = np.array([budget.expanded()[[3, 7, 11]] for budget in found]) / (1.96 * 0.0127 / np.sqrt(24))
+    assert (wide > 0.3).all() and 0.5 < np.median(wide) < 1.1
+    assert np.mean([budget.std("scatter").any() for budget in found]) < 0.6
+
+
 @pytest.mark.parametrize("declared", [True, False])
 @pytest.mark.parametrize("method", ["six-point", "n-point", "norm"])
 def test_pose_errors_are_covered_whether_declared_or_not(rng: np.random.Generator, method: str, declared: bool) -> None:

@@ -146,8 +146,9 @@ def _rejected(dwells: UnitDwells) -> Iterator[Message]:
 def _coarse(recipe: Recipe, dwells: UnitDwells) -> Iterator[Message]:
     if (dwells.dwells.count == 1).all():  # what scatters from visit to visit tells how far the steps matter
         return
+    left = dwells.quantisation if dwells.rounding is None else dwells.rounding
     for i, axis in enumerate("xyz"[: recipe.axes]):
-        rounding, noise = float(dwells.quantisation[:, i].max()), float(dwells.dwells.variance[:, i].max())
+        rounding, noise = float(left[:, i].max()), float(dwells.dwells.variance[:, i].max())
         if rounding > noise and dwells.step[i] > 0:
             error = float(np.sqrt(3 * rounding))
             step = float(dwells.step[i])

@@ -142,7 +142,8 @@ def _of_portion(
     for a, b in zip(first, np.r_[first[1:], len(begin)], strict=True):
         own, at = slice(int(a), int(b)), begin[a:b]
         own_dwells = _rows(dwells, own)
-        step = resolution.step_of(own_dwells, recipe.device.lsb)
+        seen = resolution.step_of(own_dwells, recipe.device.lsb)
+        step = resolution.stated_step(own_dwells, seen, recipe.device.lsb)
         yield UnitDwells(
             serial=part.unit.names[unit[a]],
             run=part.run[at],
@@ -155,8 +156,8 @@ def _of_portion(
             dwells=own_dwells,
             gold=None if gold is None else _rows(gold, own),
             step=step,
-            quantisation=(left := _rounding(own_dwells, step)),
-            rounding=_of_few(own_dwells, step, left),
+            quantisation=(left := _rounding(own_dwells, seen)),
+            rounding=_for_budget(own_dwells, step, seen, left),
         )
 
 
@@ -175,9 +176,11 @@ def _rounding(dwells: DwellStatistics, step: Floats) -> Floats:
     return np.broadcast_to(resolution.rounding_variance(step, noise), dwells.mean.shape)
 
 
-def _of_few(dwells: DwellStatistics, step: Floats, plain: Floats) -> Floats | None:
+def _for_budget(dwells: DwellStatistics, step: Floats, seen: Floats, plain: Floats) -> Floats | None:
+    """Variance (v, 3) of rounding to `step` where it is another than weights go by, which know the steps seen."""
+    own = np.where(step == seen, plain, _rounding(dwells, step))
     of_few = resolution.rounding_of_few(step, dwells)
-    return np.where(of_few > 0, of_few, plain) if of_few.any() else None
+    return np.where(of_few > 0, of_few, own) if of_few.any() or (step != seen).any() else None
 
 
 def reduce_visits(found: UnitDwells, recipe: Recipe, truths: references.Truths) -> ReducedVisits:

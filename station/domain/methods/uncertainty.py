@@ -173,7 +173,10 @@ def _with_rounding(problem: FitProblem, fit: Fit) -> tuple[FitProblem, Fit]:
         return problem, fit
     cov = problem.cov + contributions.diagonal(more)
     felt = more[..., : fit.noise.shape[2]] if fit.tilt is None else more.mean(axis=2, keepdims=True)
-    return replace(problem, cov=cov, quantisation=problem.rounding), replace(fit, noise=fit.noise + felt)
+    # Scatter that the fit found beyond what it knew of rounding holds the rest of it.
+    left = np.where(problem.scatter_pose > 0, np.maximum(problem.scatter_pose - felt.mean(axis=(1, 2)), 0.0), 0.0)
+    known = replace(problem, cov=cov, quantisation=problem.rounding, scatter_pose=left)
+    return known, replace(fit, noise=fit.noise + felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,6 +21,8 @@ ONE_PLACE = 0.25
 DITHERED = 0.3
 #: Differences of a quantised axis are whole steps to within this share of one.
 WHOLE = 0.02
+#: Differences of no less than this share of the data sheet's step show that it is one.
+NO_LESS = 0.9
 #: Differences of fewer steps show whether levels lie on one grid.
 NEAR = 50.0
 
@@ -38,6 +40,13 @@ def step_of(dwells: DwellStatistics, sheet: float) -> Floats:
     apart = np.concatenate([dwells.high - dwells.low, dwells.low - dwells.low[0]]) / size
     whole = (np.abs(apart - np.round(apart)) < WHOLE).all(axis=0)
     return np.where(np.isfinite(least), np.where(whole, least, 0.0), sheet)
+
+
+def stated_step(dwells: DwellStatistics, seen: Floats, sheet: float) -> Floats:
+    """The step (3) that a budget counts: the one seen; where none is, the data sheet's, if no reading ever changed by
+    less. Steps of a converter that came in finer frames are no whole multiples of each other."""
+    least = dwells.step.min(axis=0)
+    return np.where((seen == 0) & np.isfinite(least) & (least > NO_LESS * sheet), sheet, seen)
 
 
 def _least_between(dwells: DwellStatistics) -> float:
