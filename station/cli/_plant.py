@@ -3,7 +3,8 @@
 import json
 import re
 import ssl
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -152,16 +153,30 @@ def _check_and_write(config: Path, text: str) -> None:
 
 def adopt(config: Path, name: str, log_id: str, by: str, reason: str) -> int:
     """Takes a log that was set apart as the station's from here on."""
+    with _deciding(config, "adopt", name, log_id, by, reason) as (plant, of_log):
+        kind = plant.store.adopt(name, of_log, by, reason, plant.clock.epoch_ns())
+    _output.print_message(Message("plant-adopted", station=name, log_id=of_log, kind=kind))
+    return 0
+
+
+def reject(config: Path, name: str, log_id: str, by: str, reason: str) -> int:
+    """Decides that what was set apart of a log stays out."""
+    with _deciding(config, "reject", name, log_id, by, reason) as (plant, of_log):
+        count = plant.store.reject(name, of_log, by, reason, plant.clock.epoch_ns())
+    _output.print_message(Message("plant-rejected", station=name, log_id=of_log, count=count))
+    return 0
+
+
+@contextmanager
+def _deciding(config: Path, action: str, name: str, log_id: str, by: str, reason: str) -> Iterator[tuple[Plant, str]]:
+    """The plant, and the log that is meant: the only one that waits where none is named. Errors: UsageError."""
     if not by or not reason:
-        raise UsageError("plant-adopt-form", station=name)
+        raise UsageError("plant-decision-form", action=action, station=name)
     with open_plant(load_plant(config)) as plant:
         logs = sorted({e.log_id for e in plant.store.quarantined() if e.station == name})
         if not log_id and len(logs) > 1:
             raise UsageError("plant-which-log", station=name, logs=logs)
-        log_id = log_id or (logs[0] if logs else "")
-        kind = plant.store.adopt(name, log_id, by, reason, plant.clock.epoch_ns())
-    _output.print_message(Message("plant-adopted", station=name, log_id=log_id, kind=kind))
-    return 0
+        yield plant, log_id or (logs[0] if logs else "")
 
 
 def grant(config: Path, name: str, stations: list[str], products: list[str]) -> int:

@@ -7,21 +7,21 @@ from typer import Argument, Option
 
 #: Options that only go with one of these words.
 GOES_WITH = {
-    "--key": ("register",), "--log": ("adopt",), "--by": ("adopt",), "--reason": ("adopt",),
+    "--key": ("register",), "--log": ("adopt", "reject"), "--by": ("adopt", "reject"), "--reason": ("adopt", "reject"),
     "--station": ("grant",), "--product": ("grant",), "--json": ("status", "verify"),
 }  # fmt: skip
 
 
 def command(
-    action: Annotated[str, Argument(help="serve, status, register, adopt, grant, verify or retire.")] = "serve",
-    name: Annotated[str, Argument(help="With register, adopt: the station. With grant: the person's role.")] = "",
+    action: Annotated[str, Argument(help="serve, status, register, adopt, reject, grant, verify, retire.")] = "serve",
+    name: Annotated[str, Argument(help="With register, adopt, reject: the station. With grant: a person's role.")] = "",
     config: Annotated[Path, Option(help="The plant's settings.")] = Path("plant.yaml"),
     host: Annotated[str, Option(help="Address to listen at; only this machine unless told otherwise.")] = "127.0.0.1",
     port: Annotated[int, Option(min=0, max=65535, help="Port to listen at; 0: any free one.")] = 8443,
     key: Annotated[Path | None, Option(help="With register: the station's public key, PEM.")] = None,
-    log: Annotated[str, Option(help="With adopt: the log's id, as status says it; left out: the only one.")] = "",
-    by: Annotated[str, Option(help="With adopt: who decides.")] = "",
-    reason: Annotated[str, Option(help="With adopt: why.")] = "",
+    log: Annotated[str, Option(help="With adopt, reject: the log's id, as in status; left out: the only one.")] = "",
+    by: Annotated[str, Option(help="With adopt, reject: who decides.")] = "",
+    reason: Annotated[str, Option(help="With adopt, reject: why.")] = "",
     station: Annotated[list[str] | None, Option(help="With grant: only this station; repeatable.")] = None,
     product: Annotated[list[str] | None, Option(help="With grant: only this product; repeatable.")] = None,
     json: Annotated[bool, Option("--json", help="With status, verify: one JSON document.")] = False,
@@ -38,7 +38,7 @@ def command(
 
         station plant serve --host 0.0.0.0
 
-    What was refused and waits for a decision, and one decision:
+    What was refused and waits for a decision, and one decision (or `reject`: it stays out):
 
         station plant status
 
@@ -53,8 +53,9 @@ def command(
     from station.cli import _plant
     from station.errors import UsageError
 
-    if action == "adopt":
-        return _plant.adopt(config, _named(name, action), log, by.strip(), reason.strip())
+    if action in ("adopt", "reject"):
+        decide = _plant.adopt if action == "adopt" else _plant.reject
+        return decide(config, _named(name, action), log, by.strip(), reason.strip())
     actions = {
         "serve": lambda: _plant.serve(config, host, port),
         "status": lambda: _plant.status(config, as_json=json),

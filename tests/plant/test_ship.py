@@ -245,6 +245,13 @@ def test_a_restored_backup_is_parked_with_its_age_until_a_person_decides(
     assert (forked.returncode, "differs from the one that the plant has" in forked.stdout) == (1, True)
     apart = station_command("plant", "status", "--config", served.config, check=False)
     assert (apart.returncode, apart.stdout.count("Set apart since")) == (1, 2)
+    decided = ("--by", "Ada", "--reason", "the backup was put back by mistake", "--config", served.config)
+    assert "stays out what was set apart, entries: 2." in station_command("plant", "reject", "bench-1", *decided).stdout
+    assert "Set apart" not in station_command("plant", "status", "--config", served.config).stdout
+    again = station_command("plant", "reject", "bench-1", *decided, check=False)
+    assert (again.returncode, "waits for a decision" in again.stderr) == (3, True)
+    forked = station_command("ship", "--once", "--config", config, check=False)
+    assert (forked.returncode, "differs from the one that the plant has" in forked.stdout) == (1, True)
     words = ("plant", "adopt", "bench-1", "--by", "Ada", "--reason", "disk replaced", "--config", served.config)
     assert "is the log of bench-1" in station_command(*words).stdout
     assert "has every record" in station_command("ship", "--once", "--config", config).stdout
@@ -291,6 +298,10 @@ def test_the_page_ships_and_says_what_is_held_up_and_since_when(
 WRONG = {
     "actoin": (("plant", "actoin"), "has no action 'actoin'"),
     "no name": (("plant", "adopt"), "needs a name"),
+    "no reason": (
+        ("plant", "reject", "bench-1", "--by", "Ada"),
+        "station plant reject bench-1 --by NAME --reason TEXT",
+    ),
     "no config": (("plant", "status", "--config", "nowhere.yaml"), "nowhere.yaml"),
     "no receivers": (("ship",), "names no receivers"),
     "no database": (("audit", "SN1", "--db", "postgresql://127.0.0.1:9/x"), "cannot be read"),

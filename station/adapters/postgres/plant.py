@@ -18,6 +18,8 @@ from station.ports.plant import QuarantineEntry, StationStanding
 #: Of all who open a station's first log, one at a time: "plan" in hexadecimal of its letters, and the name's hash.
 _FIRST = "SELECT pg_advisory_xact_lock(1886150000, hashtext(%s))"
 _ROW = "id, log_id, number, seal, signature, key, revoked, parent, base"
+_DECIDE = """UPDATE quarantine SET resolved_ns = %s, resolved_by = %s, resolution = %s
+    WHERE station = %s AND log_id = %s AND resolved_ns IS NULL"""
 
 
 class PostgresPlant:
@@ -87,12 +89,19 @@ class PostgresPlant:
                 self._replace(connection, station, log_id, current)
             else:
                 self._branch(connection, station, current, number - 1)
-            connection.execute(
-                """UPDATE quarantine SET resolved_ns = %s, resolved_by = %s, resolution = %s
-                WHERE station = %s AND log_id = %s AND resolved_ns IS NULL""",
-                [at_ns, by, reason, station, log_id],
-            )
+            connection.execute(_DECIDE, [at_ns, by, reason, station, log_id])
         return kind
+
+    def reject(self, station: str, log_id: str, by: str, reason: str, at_ns: int) -> int:
+        """Decides that what is set apart of a log stays out; it is kept, and waits again if it comes again. How much.
+
+        Errors: StoreFault where nothing of that log waits.
+        """
+        with self._connections.one() as connection:
+            count = connection.execute(_DECIDE, [at_ns, by, reason, station, log_id]).rowcount
+        if not count:
+            raise StoreFault(Message("plant-nothing-waits", station=station, log_id=log_id))
+        return count
 
     def _replace(self, connection: psycopg.Connection, station: str, log_id: str, current: Any) -> None:
         """The newest branch of that log goes on, or a new one begins."""

@@ -17,7 +17,7 @@ from station.domain.watch.change_point import Change
 from station.domain.watch.e_detector import LEARN, likelihood_ratios
 from station.domain.watch.put_right import ReturnTest
 from station.domain.watch.signals import WatchedSignal
-from station.domain.watch.stream import Course, Stream, streams_of
+from station.domain.watch.stream import PlaceValues, Stream, streams_of
 
 DEFAULT_RUN_LENGTH = 1000
 #: Beginnings this many loads apart, or this share of the loads since then, are one change; so are any that the loads
@@ -82,7 +82,7 @@ class WatchBank:
     @property
     def components(self) -> int:
         """Of all places so far."""
-        return sum(streams[0].course.components for streams in self._streams.values())
+        return sum(streams[0].known.components for streams in self._streams.values())
 
     @property
     def testing(self) -> bool:
@@ -95,8 +95,8 @@ class WatchBank:
         suspended = {key for alert in self.open for place, i in alert.watched for key in self._explained(place, i)}
         for place, values in load.values.items():
             if place not in self._streams:
-                self._streams[place] = streams_of(Course(len(values)), str(place))
-            self._streams[place][0].course.add(load.number, values)
+                self._streams[place] = streams_of(PlaceValues(len(values)), str(place))
+            self._streams[place][0].known.add(load.number, values)
         self._test(load, suspended)
         ended = [alert for alert in self.open if self._is_righted(alert, load)]
         for alert in ended:
@@ -185,7 +185,7 @@ class WatchBank:
     def _components(self, place: WatchedPlace) -> list[Stream]:
         """The streams along single components."""
         streams = self._streams[place]
-        return streams[: streams[0].course.components]
+        return streams[: streams[0].known.components]
 
     def _is_righted(self, alert: Alert, load: LoadValues) -> bool:
         """Whether those components of the place that the change shows in are as before; notes since which load."""
@@ -211,8 +211,8 @@ class WatchBank:
         watched = {place for place, _ in alert.watched}
         for place, streams in self._streams.items():
             if place not in held and (place in watched or any(_shows(stream, alert) for stream in streams)):
-                course = streams[0].course
-                course.keep(course.first_after(alert.begin))
+                known = streams[0].known
+                known.keep(known.first_after(alert.begin))
                 for stream in streams:
                     stream.changed(len(stream))
         for other in self.open:

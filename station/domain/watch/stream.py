@@ -18,7 +18,7 @@ _NEAR = 5000
 _BETWEEN = 0.13
 
 
-class Course:
+class PlaceValues:
     """What one place was. loads: their numbers, since the last change that was put right; components: (m)."""
 
     def __init__(self, components: int) -> None:
@@ -49,19 +49,19 @@ class Course:
 class Stream:
     """One direction (m) of a place. share: what its evidence counts."""
 
-    course: Course
+    known: PlaceValues
     direction: Floats
     share: float
     ranks: RankShares
     detector: ShiftDetector
 
     def __len__(self) -> int:
-        return len(self.course.loads)
+        return len(self.known.loads)
 
     @property
     def loads(self) -> list[int]:
         """Numbers of the loads that it has values of."""
-        return self.course.loads
+        return self.known.loads
 
     @property
     def evidence(self) -> float:
@@ -70,7 +70,7 @@ class Stream:
 
     def values(self, first: int, end: int | None = None) -> Floats:
         """From index `first` to before `end`."""
-        return self.course.along(self.direction, first, end)
+        return self.known.along(self.direction, first, end)
 
     def rank(self) -> float | None:
         """The newest value's rank among those before, as a share; None while it only learns."""
@@ -79,7 +79,7 @@ class Stream:
 
     def first_after(self, load: int) -> int:
         """Index of the first value of this load or later."""
-        return self.course.first_after(load)
+        return self.known.first_after(load)
 
     def first_near(self, index: int) -> int:
         """Index of the first value that tells what was before the one at this index: older ones tell no more of it, and
@@ -102,13 +102,13 @@ class Stream:
         self.detector.restart()
 
 
-def streams_of(course: Course, name: str) -> list[Stream]:
+def streams_of(known: PlaceValues, name: str) -> list[Stream]:
     """Along each of the components (m), then along all of them at once with every sign: 2^(m−1) directions."""
-    m = course.components
+    m = known.components
     if m == 1:
-        return [Stream(course, np.ones(1), 1.0, RankShares(f"{name}/0"), ShiftDetector())]
+        return [Stream(known, np.ones(1), 1.0, RankShares(f"{name}/0"), ShiftDetector())]
     signs = np.array([(1, *rest) for rest in product((1, -1), repeat=m - 1)])
     directions = np.vstack([np.eye(m), signs / np.sqrt(m)])
     shares = np.repeat([1 - _BETWEEN, _BETWEEN * m / len(signs)], [m, len(signs)]).tolist()
     pairs = zip(directions, shares, strict=True)
-    return [Stream(course, d, share, RankShares(f"{name}/{i}"), ShiftDetector()) for i, (d, share) in enumerate(pairs)]
+    return [Stream(known, d, share, RankShares(f"{name}/{i}"), ShiftDetector()) for i, (d, share) in enumerate(pairs)]
