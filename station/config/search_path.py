@@ -30,7 +30,7 @@ def find_file(name: str, folder: str, near: Path | None, error: type[InputError]
     one name. Errors: `error` naming the folders that were searched, and the nearest name in them.
     """
     given = Path(name)
-    if given.is_absolute() or (given.exists() and not _is_other(given, folder)):
+    if given.is_absolute() or ((given.is_symlink() or given.exists()) and not _is_other(given, folder)):
         return given
     folders = list(dict.fromkeys(_folders(folder, near)))
     for place in folders:

@@ -1,9 +1,11 @@
 """config.yaml: what it may say, and every mistake with line, key and remedy."""
 
+import os
 from pathlib import Path
 
 import pytest
 
+from station.config.documents import load_document
 from station.config.products import load_product, product_path
 from station.config.recipes import recipe_path
 from station.config.search_path import find_file, shipped_folder
@@ -91,6 +93,14 @@ def test_what_is_nowhere_names_the_places_that_were_searched() -> None:
 def test_a_mistyped_name_is_answered_with_the_nearest_that_is_there() -> None:
     with pytest.raises(RecipeError, match=r"There is no six-pont\.yaml in .*; did you mean six-point\.yaml\?"):
         find_file("six-pont.yaml", "recipes", None, RecipeError)
+
+
+@pytest.mark.parametrize("target", ["loop.yaml", "nowhere.yaml"])
+def test_a_link_that_leads_nowhere_is_found_and_cannot_be_read(target: str, tmp_path: Path) -> None:
+    link = tmp_path / "loop.yaml"
+    link.symlink_to(target)
+    with pytest.raises(RecipeError, match=r"loop\.yaml cannot be read"):
+        load_document(find_file(os.path.relpath(link), "recipes", None, RecipeError), RecipeError)
 
 
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "a/b", "..", ".", ""])
