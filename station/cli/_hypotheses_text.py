@@ -40,7 +40,9 @@ def lines(findings: Mapping[str, Any]) -> Iterator[str]:
 
 
 def parameter_line(p: Mapping[str, Any]) -> str:
-    """One coefficient with its standard uncertainty; a dimensionless one without a unit."""
+    """One coefficient with its standard uncertainty, none of a constant that a cause holds fixed; a dimensionless one
+    without a unit."""
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
-    value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g} ± {p['std'] or 0:.2g}{unit}"
+    about = f" ± {p['std']:.2g}" if p["std"] else ""
+    value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g}{about}{unit}"
     return f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}"

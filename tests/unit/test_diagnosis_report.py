@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from station.cli._diagnosis_page import html
+from station.cli._hypotheses_text import parameter_line
 from station.diagnosis.results.smallest_effect import detectable_length
 from station.domain.core.types import Labels
 from station.reporting.diagnosis.cause_text import makes_testable
@@ -360,3 +361,9 @@ def test_a_formulas_curve_is_drawn_at_levels_that_there_are() -> None:
     for value in ("0", "0.5", "1"):
         assert f">a_z² about {value}<" in drawn
     assert "e−" not in drawn
+
+
+def test_a_constant_that_a_cause_holds_fixed_has_no_interval() -> None:
+    held = {"name": "about", "axis": None, "of": "common", "value": 24.0, "std": 0.0, "unit": "degC"}
+    assert parameter_line(held).endswith("about 24 degC")
+    assert parameter_line({**held, "std": 0.44}).endswith("about 24 ± 0.44 degC")
