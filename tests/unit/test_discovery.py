@@ -1,6 +1,7 @@
 """A law that nobody wrote down is found again in its form, nothing is found in nothing, and the model carries it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from station.diagnosis.discovery.edges import edges_say_as_much
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
-from station.diagnosis.results.diagnose import Diagnosis
+from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
+from station.diagnosis.results.gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
@@ -53,6 +55,14 @@ def test_the_model_carries_it_and_a_second_diagnosis_is_silent(found: Diagnosis)
     assert [e.effect for e in model.effects] == ["formula-1"]
     assert model.effects[0].term is not None
     assert diagnosis_of(recipe(), found.table, model).verdict == "none"
+
+
+def test_a_cause_that_nothing_held_out_confirms_goes_where_a_formula_is_found(found: Diagnosis) -> None:
+    shadow = Cause(found.search_result.findings[0], None, HeldOutGain("visit", 1e-4, 1e-4, 0.0, 5.0, 4.0))
+    assert not shadow.gain.accepted
+    again = _with_formulas(replace(found, causes=(shadow,), hypotheses=None), [])
+    assert again.hypotheses is not None and again.hypotheses.complete
+    assert (again.causes, again.verdict) == ((), "unknown")
 
 
 def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whole_grammar() -> None:

@@ -148,7 +148,9 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
     )
     found = explanation.formula
     words = found.covariates if found is not None and found.complete else d.depends_on
-    if len(explanation.causes) == len(paying):
+    # Beside a formula, a cause that nothing held out confirms is a shadow of it.
+    shadows = found is not None and bool(found.terms and d.causes) and not paying
+    if len(explanation.causes) == len(paying) and not shadows:
         return replace(d, hypotheses=found, depends_on=words)
     staying = {id(item) for item in explanation.causes}
     last = only_with(d.last, len(d.search_result.first.accepted), explanation.causes)
