@@ -13,7 +13,7 @@ from station.domain.recipe.recipe import Recipe
 OFFSET_LIMIT, GAIN_LIMIT = 0.03, 0.015
 #: Of units of one station, gains: standard deviation of a process, and of gravity, which nobody knows there.
 PROCESS, GRAVITY = 0.01, 0.003
-STATIONS, LEARNT_FROM = 100, 40
+STATIONS, LEARNT_FROM = 400, 40
 #: Of bench.Bench's offsets; of one reading where the process is learnt.
 OFFSET_PROCESS, LEARNT_NOISE = 0.02, 0.03
 
@@ -49,7 +49,7 @@ def learnt(units: int, report: Report) -> None:
     ):
         generators = [report.generator(seed, i) for i in range(STATIONS)]
         means = [centre * rng.standard_normal(independent) * np.ones(3) for rng in generators]
-        each = np.array([one_station(units // 20, *own, report) for own in zip(generators, means, strict=True)])
+        each = np.array([one_station(units // 80, *own, report) for own in zip(generators, means, strict=True)])
         stated, true, passed = each.sum(axis=0)
         ratio = stated / max(true, 1)
         # Units of a station are right or wrong together: the spread is that of stations.

@@ -82,3 +82,14 @@ def test_other_letters_are_the_readers() -> None:
         ("HYSMyeongJo-Medium", "서울"),
         (fonts.REGULAR, " 🙂"),
     ]
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_heads_of_a_budget_of_many_causes_are_smaller_not_broken(language: str) -> None:
+    words = words_of(language)
+    heads = ["", *(words.term(cause) for cause in ("base tilt", "quantisation", "reproducibility", "temperature"))] * 2
+    rooms = pdf.column_widths(len(heads))
+    size = pdf.head_size(heads, rooms)
+    widest = max(pdf.cell_text_width(w) / room for h, room in zip(heads, rooms, strict=True) for w in h.split())
+    assert size < 8 and widest * size / 8 == pytest.approx(1.0)
+    assert pdf.head_size(["u", "k"], [90.0, 90.0]) == 8

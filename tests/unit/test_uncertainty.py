@@ -8,7 +8,7 @@ import pytest
 
 from station.domain.core import rotation
 from station.domain.core.types import Floats, SampleTable
-from station.domain.evaluation import pipeline
+from station.domain.evaluation import calibration_document, pipeline
 from station.domain.methods import contributions
 from station.domain.recipe.recipe import Recipe
 from station.domain.recipe.reference_block import Reproducibility
@@ -110,7 +110,12 @@ def test_rounding_of_few_dwells_is_counted_once(rng: np.random.Generator, frame:
     table = tumble.table(recipe, tumble.readings(theta, tumble.truths(recipe)), 0.00127, 60, rng)
     reading = np.round(table.reading / 0.0127) * 0.0127
     table = replace(table, reading=np.round(reading / frame) * frame if frame else reading)
-    found = [r.budget for r in pipeline.calibrate(recipe, table, TODAY) if r.budget is not None]
+    limited = recipe.model_copy(update={"limits": recipe.limits.model_copy(update={"residual": 0.05})})
+    results = list(pipeline.calibrate(limited, table, TODAY))
+    documents = [calibration_document.unit(r) for r in results]
+    residuals = [d for one in documents for d in one["decisions"] if d["what"] == "residual"]
+    assert len(residuals) == 60 and all(d["expanded"] > 0.0127 / 12 for d in residuals), "rounding is in their U"
+    found = [r.budget for r in results if r.budget is not None]
     wide = np.array([budget.expanded()[[3, 7, 11]] for budget in found]) / (1.96 * 0.0127 / np.sqrt(24))
     assert (wide > 0.3).all() and 0.5 < np.median(wide) < 1.1
     assert np.mean([budget.std("scatter").any() for budget in found]) < 0.6

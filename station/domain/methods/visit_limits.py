@@ -95,7 +95,7 @@ def limited_visits(
 def _residuals(found: Sequence[Calibration], visits: Sequence[ReducedVisits]) -> tuple[Floats, Floats]:
     """Largest residual of each visit, and its standard uncertainty, each (u, v)."""
     residual = np.abs(np.array([one.residual for one in found]))
-    of_mean = np.sqrt(np.einsum("uvii->uvi", np.array([one.cov for one in visits])))
+    of_mean = np.sqrt(np.array([_variances(one) for one in visits]))
     at = residual.argmax(axis=2)[..., None]
     return residual.max(axis=2), np.take_along_axis(of_mean, at, 2)[..., 0]
 
@@ -123,8 +123,15 @@ def consistency(visits: ReducedVisits, disturbed: NDArray[np.bool_]) -> tuple[fl
     """
     size = np.linalg.norm(visits.true, axis=1, keepdims=True)
     across = (np.abs(visits.true) < ACROSS * size) & ~disturbed[:, None]
-    found = [_spread(visits.mean[own, i], visits.cov[own, i, i]) for i in range(3) if (own := across[:, i]).sum() > 1]
+    of_mean = _variances(visits)
+    found = [_spread(visits.mean[own, i], of_mean[own, i]) for i in range(3) if (own := across[:, i]).sum() > 1]
     return max(found, default=(0.0, 0.0))
+
+
+def _variances(visits: ReducedVisits) -> Floats:
+    """Of the mean readings (v, 3), with as much rounding as budgets count."""
+    more = 0.0 if visits.rounding is None else visits.rounding - visits.quantisation
+    return np.asarray(np.einsum("vii->vi", visits.cov) + more)
 
 
 def _spread(mean: Floats, variance: Floats) -> tuple[float, float]:

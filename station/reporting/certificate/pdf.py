@@ -1,5 +1,6 @@
 """The certificate as PDF: the same sections, laid out by reportlab; every page names its unit and its number."""
 
+from collections.abc import Sequence
 from html import escape
 from io import BytesIO
 from typing import Any
@@ -56,8 +57,12 @@ def _table(section: CertificateTable, cell: Any) -> Any:
     from reportlab.platypus import Paragraph, Table
 
     rows = [section.columns, *section.rows] if any(section.columns) else list(section.rows)
-    widths = [room + 2 * _PADDING for room in column_widths(len(rows[0]))]
+    rooms = column_widths(len(rows[0]))
+    widths = [room + 2 * _PADDING for room in rooms]
     cells = [[Paragraph(_text(words, REGULAR), cell) for words in row] for row in rows]
+    if any(section.columns) and cell.wordWrap != "CJK" and (size := head_size(section.columns, rooms)) < _CELL:
+        head = _style(size, bold=False, wrap=cell.wordWrap)
+        cells[0] = [Paragraph(_text(words, REGULAR), head) for words in section.columns]
     style: list[Any] = [("GRID", (0, 0), (-1, -1), 0.4, colors.grey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
     style += [("TOPPADDING", (0, 0), (-1, -1), 2), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5)]
     shaded = ((0, 0), (-1, 0)) if any(section.columns) else ((0, 0), (0, -1))
@@ -69,6 +74,12 @@ def column_widths(count: int) -> list[float]:
     """What there is for text in each column of a table of so many, in points."""
     others = (1 - _FIRST) / max(count - 1, 1)
     return [_WIDTH * share - 2 * _PADDING for share in _SHARES.get(count, (_FIRST, *(others,) * (count - 1)))]
+
+
+def head_size(heads: Sequence[str], rooms: Sequence[float]) -> float:
+    """Size of letters, in points, in which no word of a table's heads is broken; that of cells at most."""
+    needed = (cell_text_width(word) / room for head, room in zip(heads, rooms, strict=True) for word in head.split())
+    return _CELL / max(max(needed, default=1.0), 1.0)
 
 
 def cell_text_width(words: str) -> float:
