@@ -31,7 +31,7 @@ _ACTS_BY = {
     "dwell": "dwell-phase", "spectrum": "dwell-phase", "order": "order", "step": "order", "run": "order",
     "temperature": "temperature", "temperature-input": "temperature", "temperature-rate": "temperature",
     "time": "time", "since-clamp": "time", "since-power": "time", "position": "position", "visits": "position",
-    "motor": "motor", "unit": "unit", "group": "group",
+    "motor": "motor", "unit": "unit", "clock": "unit", "group": "group",
 }  # fmt: skip
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input", "position")
