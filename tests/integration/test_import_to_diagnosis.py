@@ -209,3 +209,24 @@ def test_where_nothing_is_limited_no_pass_is_shown(
     shown = capsys.readouterr().out
     assert "PASS" not in shown
     assert "none judged" in shown
+
+
+@pytest.mark.parametrize(("noise", "digits"), [(0.3, 2), (0.0, 4)])
+def test_a_compass_beside_much_iron_is_diagnosed_and_a_computed_one_refused(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str], noise: float, digits: int
+) -> None:
+    """Hard iron of six times the field, turned soft iron: the readings lie on an ellipsoid far from zero."""
+    turned = rng.standard_normal((150, 3))
+    turned *= 40 / np.linalg.norm(turned, axis=1, keepdims=True)
+    soft = np.array([[1.05, 0.06, 0.02], [0, 0.97, -0.05], [0, 0, 0.9]])
+    path, out = tmp_path / "compass.csv", str(tmp_path / "compass.parquet")
+    reading = turned @ soft.T + [220, 50, -35] + noise * rng.standard_normal(turned.shape)
+    np.savetxt(path, reading, f"%.{digits}f", ",", header="mag_x,mag_y,mag_z", comments="")
+    assert station("import", str(path), "--out", out) == 0
+    capsys.readouterr()
+    if noise:
+        found = diagnosed(out, "magnetometer-hand-held", capsys)
+        assert effects(found)[0] == "cross-axis"
+    else:
+        assert station("diagnose", "--samples", out, "--recipe", "magnetometer-hand-held") == 2
+        assert "were computed" in capsys.readouterr().err

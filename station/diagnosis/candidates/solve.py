@@ -10,6 +10,8 @@ from station.domain.core.types import Floats
 
 #: Directions shorter than this share of the longest are not estimated.
 EIGENVALUE_CUT = 1e-12
+#: The square of one over a shorter column is no number.
+LEAST_SIZE = 1e-150
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,9 +88,9 @@ def solve(white: WhiteRows, used: Floats | None = None) -> NuisanceSolution:
 
 def _inverse(normal: Floats) -> Floats:
     """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut is about directions, not about units; a
-    column of zeros, which nothing measured, has a row and a column of zeros."""
+    column of next to nothing, which nothing measured, has a row and a column of zeros."""
     size = np.sqrt(np.einsum("...pp->...p", normal))
-    live = size > 0
+    live = size > LEAST_SIZE
     inverse = np.where(live, 1 / np.where(live, size, 1.0), 0.0)
     scale = inverse[..., :, None] * inverse[..., None, :]
     return np.asarray(np.linalg.pinv(normal * scale, EIGENVALUE_CUT, hermitian=True) * scale)

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition import visits
 from station.errors import SamplesError
 from station.model.forward import resting_stimulus
 from station.model.scene import visits_scene_of_table
 
 #: Columns of which one moves so many times as much as another, beside what the poses make them move, differ in unit.
 MAX_RESPONSE_RATIO = 3.0
+#: Single readings that lie on one ellipsoid to a smaller share of its size were computed.
+COMPUTED = 3e-6
 #: An axis that moves by less than this share of its readings' size does not move.
 SAME_DIGITS = 1e-9
 #: Times that cannot be negative.
@@ -45,6 +48,12 @@ def check_calibrated(view: ResidualView) -> None:
     sensor make: what is left of them then says nothing."""
     if view.grid.k == 3:
         return
+    of = view.scene.visits
+    if int(view.reduced.count.sum(axis=1).max()) == 1:
+        for code, serial in enumerate(of.unit.names):
+            off = visits.off_ellipsoid(view.reduced.mean[of.unit.code == code])
+            if off < COMPUTED:
+                raise SamplesError("readings-computed", serial=serial, ppm=1e6 * off)
     for serial, gain in zip(view.scene.visits.unit.names, np.diagonal(view.base.matrix, axis1=1, axis2=2), strict=True):
         check_gain(serial, gain)
 

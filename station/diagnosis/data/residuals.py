@@ -33,6 +33,8 @@ from station.model.scene import Scene, Signal
 
 #: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
 MIN_NOISE_RATIO = 0.5
+#: Nothing measures its stimulus to a smaller share; readings that do were computed.
+LEAST_NOISE_SHARE = 1e-7
 #: An axis whose stimulus varies by less than this share of its strength (rms over a unit's stops) shows no gain.
 MIN_GAIN_STIMULUS = 1e-3
 
@@ -68,7 +70,8 @@ class ResidualView:
     def min_variance(self) -> float:
         """The least variance of the white noise of a stop's mean: a few stops may be fitted as closely as one likes."""
         longest = float(np.mean(np.sum(self.keep**2, axis=2)))
-        return longest * (MIN_NOISE_RATIO * self.reduced.sigma) ** 2 / float(self.reduced.count.sum(1).mean())
+        told = (MIN_NOISE_RATIO * self.reduced.sigma) ** 2 / float(self.reduced.count.sum(1).mean())
+        return longest * max(told, (LEAST_NOISE_SHARE * float(np.abs(self.reduced.mean).max())) ** 2)
 
     def simulated(self) -> tuple[Floats, Floats]:
         """Means (v, 3) and contrasts (v, B−1, 3) as the simulation has them."""

@@ -184,7 +184,9 @@ class ScoredBank:
         dof = projected.readings.size.dof
         # The scale of the floor that goes with an amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
         scale = float(projected.readings.rest[0]) / dof * np.exp(-2 * (likelihood + 0.5 * taken) / dof)
-        spread = np.sqrt(found.spectrum.ratios / found.spectrum.mean * scale)
+        mean = float(found.spectrum.mean)
+        # Of what the readings do not show every amplitude is as likely.
+        spread = np.sqrt(found.spectrum.ratios / mean * scale) if mean > 0 else np.full(len(likelihood), np.inf)
         return AmplitudeLikelihood(np.minimum(spread, candidate.most), likelihood)
 
     def shows(self, candidate: Candidate) -> bool:
