@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from station.domain.can.signals import FrameLayout, SignalLayout, are_adjacent, decode, physical, raw, words
+from station.domain.can.signals import FrameLayout, SignalLayout, are_adjacent, decode, physical, raw, raw_words
 from station.domain.core.types import ERROR, EXTENDED, REMOTE, Frames
 from station.errors import ProductError
 from tests.portion import examples
@@ -135,7 +135,7 @@ def test_words_side_by_side_are_read_at_once_as_one_by_one(
     assert are_adjacent(signals)
     one_by_one = np.stack([physical(raw(data, s), s) for s in signals], axis=1)
     for first in (0, 1):
-        together = words(data, signals[first], len(signals) - first)
+        together = raw_words(data, signals[first], len(signals) - first)
         np.testing.assert_array_equal(physical(together, signals[0]), one_by_one[:, first:])
 
 

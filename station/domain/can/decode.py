@@ -12,7 +12,7 @@ from station.domain.can.sample_join import JoinedReadings, PartFrames, join_mess
 from station.domain.can.sample_parts import SamplePart
 from station.domain.can.sensor_layout import SYNC, SensorLayout
 from station.domain.can.sequence_counter import CounterErrors, count_errors, counter_steps
-from station.domain.can.signals import FrameLayout, physical, raw, words
+from station.domain.can.signals import FrameLayout, physical, raw, raw_words
 from station.domain.core.types import REMOTE, Array, Floats, Frames, widened
 from station.messages import Message
 
@@ -299,7 +299,7 @@ def _physical(data: NDArray[np.uint8], layout: SensorLayout) -> Floats:
     """Physical values (n, 3); all at once where the axes lie side by side and mean the same."""
     axes = layout.axes
     if layout.axes_are_adjacent:
-        return np.asarray(physical(words(data, axes[0], len(axes)), axes[0]), np.float64)
+        return np.asarray(physical(raw_words(data, axes[0], len(axes)), axes[0]), np.float64)
     return np.asarray(np.stack([physical(raw(data, axis), axis) for axis in axes], axis=1), np.float64)
 
 

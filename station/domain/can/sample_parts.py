@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.domain.can.signals import FrameLayout, SignalLayout, are_adjacent, physical, raw, words
+from station.domain.can.signals import FrameLayout, SignalLayout, are_adjacent, physical, raw, raw_words
 from station.domain.core.types import Array, Floats
 
 #: Which of the message's values: reading of the frame · 3 + axis.
@@ -37,7 +37,7 @@ class SamplePart:
         for stretch in self.stretches:
             cell, signal = stretch[0]
             if len(stretch) > 1:
-                found[:, cell : cell + len(stretch)] = physical(words(data, signal, len(stretch)), signal)
+                found[:, cell : cell + len(stretch)] = physical(raw_words(data, signal, len(stretch)), signal)
             else:
                 found[:, cell] = physical(raw(data, signal), signal)
         return found.reshape(-1, count, 3)

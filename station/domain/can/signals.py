@@ -111,7 +111,7 @@ def are_adjacent(signals: Sequence[SignalLayout]) -> bool:
     )
 
 
-def words(data: NDArray[np.uint8], first: SignalLayout, count: int) -> Array:
+def raw_words(data: NDArray[np.uint8], first: SignalLayout, count: int) -> Array:
     """Raw values (n, count) of adjacent signals that begin with `first`; nothing is copied."""
     start = first.first_bit // first.length
     return _words(data, first)[:, start : start + count]
