@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from station.cli.app import main
+from station.diagnosis.candidates import solve as solving
 from station.diagnosis.candidates.bank import build_bank
 from station.diagnosis.candidates.projected_bank import project_bank, visible_candidates
 from station.diagnosis.data.faults import matched_spectrum, spectral_lines
@@ -100,3 +101,9 @@ def test_the_linear_algebra_has_one_thread_unless_told(
     with pytest.raises(SystemExit):
         main(["--version"])
     assert os.environ["OPENBLAS_NUM_THREADS"] == after
+
+
+def test_a_column_of_next_to_nothing_is_not_inverted() -> None:
+    """One over its square is no number; warnings are errors here."""
+    found = solving._inverse(np.diag([1e-320, 4.0]))
+    np.testing.assert_allclose(found, np.diag([0.0, 0.25]))
