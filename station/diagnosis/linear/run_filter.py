@@ -154,7 +154,7 @@ class RunFilter:
         """The factors of each run (U, R, B, s, s), or (B, s, s) where all runs are of one kind: no copy is made of what
         they share, or where each is of its own kind."""
         if len(self.inverse) == 1:
-            return self.inverse[0]
+            return np.asarray(self.inverse[0])
         if len(self.inverse) == self.member.size and np.array_equal(self.member.ravel(), np.arange(self.member.size)):
             return np.asarray(self.inverse.reshape(*self.member.shape, *self.inverse.shape[1:]))
         return np.asarray(self.inverse[self.member])
