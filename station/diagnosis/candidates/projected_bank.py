@@ -33,6 +33,8 @@ from station.domain.core.types import Array, Floats
 COLUMNS_AT_ONCE = 96
 #: Columns that keep less than this share of their squares beside what is known are combinations of it.
 LEAST_LEFT = 1e-13
+#: And columns of a smaller square are rounding; the amplitudes that they would need have no number in single precision.
+LEAST_SQUARE = 1e-28
 #: Eigenvalues looked at together: with a number for each amplitude, some 10 MB.
 EIGENVALUES_AT_ONCE = 1 << 15
 
@@ -254,10 +256,11 @@ def _products_of(kind: ShapeGroup, normal: Floats, taken: Floats, own: int) -> N
     known = taken[..., own:]
     left = normal - known @ known.swapaxes(-1, -2)
     before, after = (np.einsum("...kk->...", x)[..., None, None] for x in (normal, left))
-    lost = after <= LEAST_LEFT * before
+    lost = after <= np.maximum(LEAST_LEFT * before, LEAST_SQUARE)
     if lost.any():
         # What the known columns take up is as small as rounding in all directions, and explains nothing.
-        left = np.where(lost, LEAST_LEFT**2 * before * np.eye(left.shape[-1]), left)
+        rest = np.where(before > 0, np.maximum(LEAST_LEFT**2 * before, LEAST_SQUARE), 0.0)
+        left = np.where(lost, rest * np.eye(left.shape[-1]), left)
         taken = np.where(lost, 0.0, taken)
     found = left, taken[..., 1:own], taken[..., 0]
     return NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))

@@ -31,6 +31,8 @@ MOST_UNITS = 12
 def edges_say_as_much(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
     """Whether edges in place of any of some terms, which are what was accepted last, explain as much as it does."""
     first, floor = len(problem.accepted) - len(terms), visit_noise(problem)
+    if floor.noise <= 0:  # single readings show no noise of their own: what all of them together leave stands for it
+        floor = problem.fit().floor
     for i, term in enumerate(terms, first):
         if term.is_turn or "since_arrival_s" in term.needs:
             continue

@@ -102,7 +102,8 @@ def g_sensitivity(recipe: Recipe) -> float:
 
 def tempcos(recipe: Recipe) -> tuple[float, float]:
     """Temperature coefficients of offset (unit/°C) and gain (1/°C); left out, those of usual data sheets."""
-    of_offset, of_gain = sensor.of(recipe).usual_tempcos
+    # A sensor kind of before rules 10 names none.
+    of_offset, of_gain = getattr(sensor.of(recipe), "usual_tempcos", (0.0, 0.0))
     return _stated_or(recipe.device.offset_tempco, of_offset), _stated_or(recipe.device.gain_tempco, of_gain)
 
 
