@@ -22,10 +22,11 @@ class TourStep:
     shows: str = ""
 
 
-#: Before the first load: the golden unit, by its certificate, and its check.
+#: Before the first load: the golden unit, by its certificate, and its check; a run of another that may become one.
 PREPARATION = (
     TourStep('golden register SN9001 --value "gain z=1.0053:0.002" --due 2035-06-30'),
     TourStep("run --serial SN9001"),
+    TourStep("run --serial SN9003"),
 )
 TOUR = (
     TourStep("run --serial SN0001 --serial SN0002 --serial SN0042 --serial SN0043", 0, "demo-good-load"),

@@ -43,7 +43,7 @@ def command(
 
     Without a certificate, register what its last run came to:
 
-        station golden register SN9001 --due 2035-06-30
+        station golden register SN9003 --due 2035-06-30
         station golden register SN9002 --bad
 
     Before each shift, run them alone, then see where they stand:
