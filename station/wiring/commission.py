@@ -134,6 +134,8 @@ def _labelled(job: Job, product: LssIdentity, label: str) -> LssIdentity:
     number = serial_of(job.product.map, label)
     if place is None or place.address != (_IDENTITY, 4) or not isinstance(number, int):
         raise UsageError("commission-label-elsewhere", product=job.product.name)
+    if not 0 <= number < 1 << 32:
+        raise UsageError("commission-label-range", label=label[:40])
     return LssIdentity(product.vendor, product.product, product.revision, number)
 
 

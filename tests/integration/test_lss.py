@@ -271,6 +271,7 @@ def test_the_command_addresses_a_fixture_and_finds_it_addressed(
     [
         (["--serial", "SN1"], "1 serials and 0 nests"),
         (["--serial", "SN1", "--nest", "Z"], "There is no nest Z; config.yaml has A, B, C, D"),
+        (["--serial", f"SN{1 << 32}", "--nest", "A"], "is a larger number than the 32 bits of 0x1018:4 hold"),
         (["--serial", "SN1", "--nest", "A", "--serial", "SN2", "--nest", "A"], "--nest was given the same value twice"),
         (["--serial", "none", "--nest", "A"], "none"),
     ],

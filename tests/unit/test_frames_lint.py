@@ -46,6 +46,7 @@ DBC = Path(__file__).resolve().parents[2] / "dbc" / "accelerometer.dbc"
         ("BO_ 641 T", "BO_ 64100 T", "line 17: Standard frame id 0xfa64 is more than 11 bits"),
         ("SG_ X : 16|16", "SG_ X : 17|16", "line 9: The signals Y and X are overlapping"),
         ("SG_ X : 16|16", "SG_ X : 16|", "line 13: this is not DBC syntax"),
+        ("SG_ X : 16|16", "SG_ X : 16|1e400", "line 13: '1e400' is no number that this statement takes"),
     ],
 )
 def test_each_mistake_is_named_with_its_line(old: str, new: str, sentence: str, tmp_path: Path) -> None:

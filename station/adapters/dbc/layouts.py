@@ -35,6 +35,8 @@ _ABOUT_A_DBC = re.compile(r"[A-Z]{2,}|\b(message|signal|value|frame|node|unused|
 #: What the parser puts into a line to show the place, whose column it names anyway.
 _HERE = ">>!<<"
 _AT_LINE = re.compile(r"at line (\d+)")
+#: What Python says of a text that is no number of the kind asked for.
+_NO_NUMBER = re.compile(r"(?:invalid literal for int\(\)|could not convert string to float)[^']*'(?P<text>[^']+)'")
 
 
 #: Signals that somebody needs, by message.
@@ -108,6 +110,9 @@ def _syntax_error(path: Path, text: str, why: str) -> Message:
     at = _AT_LINE.search(why)
     if at is not None:
         return Message("line-of-file", file=str(path), line=int(at[1]), reason=Message("dbc-syntax", why=why))
+    if (number := _NO_NUMBER.search(why)) is not None and number["text"] in text:
+        line = _line(text, text.index(number["text"]))
+        return Message("line-of-file", file=str(path), line=line, reason=Message("dbc-number", text=number["text"]))
     named = [m for m in _STARTS.finditer(text) if m["message"] and re.search(rf"\b{re.escape(m['message'])}\b", why)]
     reason = Message("dbc-refused", why="; ".join(line.strip() for line in why.rstrip(".").splitlines()))
     if not named:
