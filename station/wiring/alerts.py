@@ -1,8 +1,6 @@
 """Alerts of the watch on their way: into the book beside the log, from there to channels, page and the log itself."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,6 +25,7 @@ from station.service.watch_report import (
     alert_remedy,
     alert_sentence,
 )
+from station.wiring.beside import running_beside
 from station.wiring.logs import plant_address
 
 #: How long a channel rests that could not be reached, first and at most, s.
@@ -117,15 +116,10 @@ def watching_in_background(database: Path, config: Path | None, settings: Settin
     if settings.alerts is None:
         yield
         return
-    words = [sys.executable, "-m", "station", "watch", "--follow", "--db", str(database)]
+    words = ["-m", "station", "watch", "--follow", "--db", str(database)]
     words += ["--config", str(config)] if config else []
-    quiet = subprocess.DEVNULL
-    process = subprocess.Popen(words, stdin=quiet, stdout=quiet, stderr=quiet)
-    try:
+    with running_beside(*words):
         yield
-    finally:
-        process.terminate()
-        process.wait()
 
 
 def _account(mail: MailSettings) -> MailAccount:

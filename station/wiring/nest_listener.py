@@ -6,7 +6,6 @@ itself is not shown: only a run may start it.
 
 import json
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -27,6 +26,7 @@ from station.panel_protocol.queue import LoadQueue
 from station.ports.bus import Channel
 from station.ports.clock import Clock
 from station.service.station import Job
+from station.wiring.beside import running_beside
 from station.wiring.buses import bus_kind, open_buses, used_buses
 from station.wiring.driven_fixture import DRIVEN
 from station.wiring.jobs import Source, load_job
@@ -51,14 +51,10 @@ def listening_in_background(order: RunOrder, settings: Settings) -> Iterator[Non
     if not _can_be_listened_to(order, settings):
         yield
         return
-    words = [sys.executable, "-P", "-m", __name__, json.dumps(asdict(order), default=str)]
-    quiet = subprocess.DEVNULL
-    process = subprocess.Popen(words, stdin=quiet, stdout=quiet, stderr=quiet)
     try:
-        yield
+        with running_beside("-P", "-m", __name__, json.dumps(asdict(order), default=str)):
+            yield
     finally:
-        process.terminate()
-        process.wait()
         with suppress(OSError):
             remove_readings(Path(str(order.database)))
 
