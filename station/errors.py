@@ -27,7 +27,13 @@ StationError
 └── Aborted               exit 4   the operator: outcome ABORTED
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from station.messages import Message, Value, render
+
+#: Parameters by which a message says where it found what it tells.
+_PLACES = ("file", "place")
 
 
 class StationError(Exception):
@@ -79,6 +85,17 @@ class ProductError(InputError):
 
 class SamplesError(InputError):
     """A samples table that cannot be used."""
+
+
+@contextmanager
+def naming_file(source: object) -> Iterator[None]:
+    """What computes knows no files: errors raised in this block about samples say that they are of this file or log."""
+    try:
+        yield
+    except SamplesError as error:
+        if any(name in error.message.parameters for name in _PLACES):
+            raise
+        raise SamplesError("file-reason", file=str(source), reason=error.message) from None
 
 
 class LogError(InputError):

@@ -25,7 +25,7 @@ from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.product import writeback
 from station.domain.recipe.recipe import Recipe
 from station.domain.records.stored_attempt import utc_day
-from station.errors import InputError, SamplesError, UsageError
+from station.errors import InputError, SamplesError, UsageError, naming_file
 from station.messages import system_reason
 from station.wiring.process_memory import retain_all_memory
 from station.wiring.sample_files import by_units
@@ -44,6 +44,11 @@ class CalibrateOutputs:
 def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) -> int:
     """Calibrates every unit of a file; returns the exit code. Errors: InputError, ReferenceOverdue."""
     retain_all_memory()
+    with naming_file(samples):
+        return _calibrate_file(samples, recipe_name, wanted)
+
+
+def _calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) -> int:
     recipe = load_recipe(recipe_name)
     summary = CalibrationSummary()
     with CalibrationJsonWriter(wanted.json, calibration_document.head(recipe)) as file:
@@ -57,7 +62,7 @@ def calibrate_file(samples: Path, recipe_name: str, wanted: CalibrateOutputs) ->
             if wanted.pictures is not None:
                 _draw(wanted.pictures, recipe, result)
         if summary.calibrated == 0:
-            raise SamplesError("file-reason", file=str(samples), reason=summary.first[0].verdict.reasons[0].message)
+            raise SamplesError(summary.first[0].verdict.reasons[0].message)
         found = replace(preflight.merge(checked), remarks=(*preflight.merge(checked).remarks, *family.outlying()))
         file.append("preflight", found.document())
         file.append("simulated", found.simulated > 0)

@@ -28,7 +28,7 @@ from station.diagnosis.search.cause_search import NullFactory
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.domain.records.stored_attempt import utc_day
-from station.errors import UsageError
+from station.errors import UsageError, naming_file
 from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
 from station.model.model_file import Model
@@ -59,7 +59,8 @@ def run_diagnose(
             raise UsageError("option-no-folder", option=option, path=str(path), folder=str(path.parent))
     with _output.activity(Message("activity-reading", file=str(samples or db))) as step:
         source = MeasuredSource(samples, db, since, recipe_name, recipe)
-        checked, found = _diagnosed(source, recipe, simulation, _cached_null(seed), step)
+        with naming_file(samples or db):
+            checked, found = _diagnosed(source, recipe, simulation, _cached_null(seed), step)
         step(Message("activity-planning"))
         proposed, proposal = next_run(found)
     today = utc_day(time.time_ns())

@@ -48,8 +48,10 @@ def test_too_little_is_one_sentence(
     rng: np.random.Generator,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    code, shown = diagnosed(table(tmp_path / "few.csv", positions, rows, noise_g, rng), capsys)
+    path = table(tmp_path / "few.csv", positions, rows, noise_g, rng)
+    code, shown = diagnosed(path, capsys)
     assert code == 2
+    assert f"{path}: " in shown
     assert words in shown
     assert shown.count("\n") == 1
 
@@ -102,6 +104,23 @@ def test_axes_in_different_units_are_told_by_the_odd_one(
     assert "Unit A: axis z responds 9.8 times" in refusal(command, reading, tmp_path, capsys)
 
 
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+@pytest.mark.parametrize(("shaken", "words"), [(True, "this is shaking or noise"), (False, "visits move by")])
+def test_what_is_no_tumble_is_told_with_its_file(
+    shaken: bool, words: str, command: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    samples, row = faces(rng), np.arange(200)
+    moved = 3 * rng.standard_normal((200, 3)) if shaken else np.sin(0.3 * row)[:, None] * [1.0, 0.7, 0.2]
+    path = tmp_path / "driven.csv"
+    samples.assign(**{axis: samples[axis] + moved[:, i] for i, axis in enumerate("xyz")}).to_csv(path, index=False)
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--recipe", "six-point", "--samples", str(path)])
+    out, err = capsys.readouterr()
+    assert (ended.value.code, out, err.count("\n")) == (2, "", 1)
+    assert f"{path}: " in err
+    assert words in err
+
+
 def refusal(command: str, reading: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
     """What a command says of single readings (v, 3) in a hand."""
     rows = [f"A,0,{i},p{i},{i},{x},{y},{z}" for i, (x, y, z) in enumerate(reading)]
@@ -111,7 +130,7 @@ def refusal(command: str, reading: np.ndarray, tmp_path: Path, capsys: pytest.Ca
         main([command, "--recipe", "hand-held", "--samples", str(path)])
     out, err = capsys.readouterr()
     assert (ended.value.code, out) == (2, "")
-    assert err.count("\n") == 1
+    assert (err.count("\n"), err.count(str(path))) == (1, 1)
     return err
 
 
@@ -169,7 +188,7 @@ def test_a_table_that_is_wrong_is_one_sentence(
     place = f"line {int(row) + 2}" if row and kind == "csv" else f"row {int(row) + 1}" if row else ""
     assert code == 2
     assert (f"{path}, {place}{words[len(row) + 1 :]}" if row else words) in shown
-    assert shown.count("\n") == 1
+    assert (shown.count("\n"), shown.count(str(path))) == (1, 1)
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])

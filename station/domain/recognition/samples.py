@@ -14,7 +14,7 @@ from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import visits
 from station.domain.recognition.raw_table import RawTable
 from station.domain.recognition.recording import Recording
-from station.errors import SamplesError, UsageError
+from station.errors import SamplesError, UsageError, naming_file
 from station.messages import Message
 
 #: A recording that rests for less than this share of its time, in fewer orientations, is no tumble.
@@ -138,10 +138,8 @@ def _a_reading_each(recording: Recording) -> Visits:
 
 
 def _rest(recording: Recording) -> NDArray[np.int64]:
-    try:
+    with naming_file(recording.source):
         edges = _edges(recording)
-    except SamplesError as error:
-        raise SamplesError("in-file", file=recording.source, reason=error.message) from None
     if recording.unit == "deg/s":
         return edges
     if recording.unit == "g" and len(edges):
