@@ -18,7 +18,7 @@ from station.domain.core.types import Floats
 from station.domain.evaluation.pipeline import NO_ROUNDING
 from station.domain.line_quality.history import NOTHING, History
 from station.domain.methods import coefficients, method, rank
-from station.domain.planning import design, optimal
+from station.domain.planning import design, nominal_visits, optimal
 from station.domain.planning.forecast import forecast
 from station.domain.recipe import assumptions, references
 from station.domain.recipe.recipe import Recipe
@@ -173,6 +173,16 @@ def _observability(subject: CheckSubject) -> CheckSection | None:
     return CheckSection("design", found, lines)
 
 
+def _range(subject: CheckSubject) -> CheckSection | None:
+    """The positions that ask more of the device than its sheet allows; nothing where there are none."""
+    recipe = subject.recipe
+    beyond = nominal_visits.beyond_range(recipe)
+    if not beyond:
+        return None
+    full = {"positions": beyond, "full_scale": recipe.device.full_scale, "unit": recipe.unit}
+    return CheckSection("beyond_range", beyond, (render(Message("positions-beyond-range", **full)),))
+
+
 def _uncertainty(subject: CheckSubject) -> CheckSection | None:
     recipe = subject.recipe
     if not recipe.pose_known:
@@ -289,6 +299,7 @@ SECTIONS: tuple[Callable[[CheckSubject], CheckSection | None], ...] = (
     _summary,
     _cycle_time,
     _observability,
+    _range,
     _uncertainty,
     _assumptions,
     _history,

@@ -24,7 +24,7 @@ def load_recipe(name: str | Path) -> Recipe:
     recipe = validate(load_document(path, RecipeError), Recipe, RecipeError)
     try:
         decision_rule.refuse_unestimated(recipe)
-        references.refuse_two_sizes(recipe)
+        references.check_gravity(recipe)
     except RecipeError as exc:
         raise RecipeError("file-reason", file=str(path), reason=exc.message) from None
     return recipe

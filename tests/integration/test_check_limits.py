@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from station.cli.app import run_command
 from station.config.recipes import load_recipe
 from station.domain.planning.forecast import forecast
 from station.errors import RecipeError
@@ -37,6 +38,24 @@ def test_gravity_stated_twice_is_refused(tmp_path: Path, reference: dict[str, ob
     path = fixture_run.recipe(tmp_path, reference={"source": "gravity", **reference})
     with pytest.raises(RecipeError, match=other):
         load_recipe(path)
+
+
+@pytest.mark.parametrize("magnitude", [9.81, 0.985, 1000.0])
+def test_a_magnitude_that_is_no_gravity_on_earth_is_refused(tmp_path: Path, magnitude: float) -> None:
+    path = fixture_run.recipe(tmp_path, reference={"source": "gravity", "magnitude": magnitude})
+    with pytest.raises(RecipeError, match=f"reference.magnitude {magnitude:g} is no gravity on Earth"):
+        load_recipe(path)
+
+
+@pytest.mark.parametrize(("full_scale", "beyond"), [(0.5, ["z-up", "x-up"]), (1.0, []), (2.0, [])])
+def test_positions_beyond_the_range_are_named_before_anything_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], full_scale: float, beyond: list[str]
+) -> None:
+    path = str(fixture_run.recipe(tmp_path, device={"rate_hz": 100, "full_scale": full_scale}))
+    assert run_command(["check", path, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out).get("beyond_range", [])[::2][:2] == beyond
+    assert run_command(["check", path]) == 0
+    assert ("Every unit clips at z-up, z-down" in capsys.readouterr().out) == bool(beyond)
 
 
 def test_a_due_date_that_is_no_day_names_its_form(tmp_path: Path) -> None:

@@ -23,6 +23,15 @@ def truths(recipe: Recipe) -> Floats:
     return directions.spread(len(names(recipe)[0])) * recipe.reference.strength()
 
 
+def beyond_range(recipe: Recipe) -> tuple[str, ...]:
+    """Positions where the stimulus alone is beyond `device.full_scale`, so that every unit clips there."""
+    full = recipe.device.full_scale
+    if full is None:
+        return ()
+    too_much = np.abs(truths(recipe)).max(axis=1) > full * (1 + 1e-9)
+    return tuple(dict.fromkeys(np.array(names(recipe)[0], object)[too_much]))
+
+
 def nominal_visits(recipe: Recipe, dwell_s: Floats) -> ReducedVisits:
     """The visits of all runs, dwelt at for dwell_s (v)."""
     position, seating = names(recipe)

@@ -8,6 +8,8 @@ from station.domain.core.types import Floats
 
 #: Standard gravity in m/s² (3rd CGPM, 1901): what "1 g" means.
 STANDARD = 9.80665
+#: Gravity in m/s² that no place is beyond, with room: 9.764 (Huascarán) to 9.834 (Arctic Ocean; Hirt et al., 2013).
+SURFACE = (9.7, 9.9)
 
 
 def normal_gravity(latitude_deg: float, altitude_m: float) -> float:

@@ -25,7 +25,7 @@ class Site(StrictModel):
 class Gravimeter(StrictModel):
     """Local gravity as a gravimeter measured it, with its standard uncertainty, both in m/s²."""
 
-    value_m_s2: Annotated[float, Field(ge=9.7, le=9.9)]
+    value_m_s2: Annotated[float, Field(ge=gravity.SURFACE[0], le=gravity.SURFACE[1])]
     std_m_s2: NotNegative
 
 

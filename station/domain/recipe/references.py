@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from station.domain.core.types import Floats
-from station.domain.recipe import assumptions, readings, sensor
+from station.domain.recipe import assumptions, gravity, readings, sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recipe.reference_block import GoldReference
 from station.errors import RecipeError, ReferenceOverdue
@@ -68,8 +68,9 @@ def check_due(recipe: Recipe, today: str) -> None:
         raise ReferenceOverdue("gold-overdue", serial=gold.serial, due=gold.due, today=today[:10])
 
 
-def refuse_two_sizes(recipe: Recipe) -> None:
-    """RecipeError where the size of gravity is stated twice: the site or the gravimeter alone would count."""
+def check_gravity(recipe: Recipe) -> None:
+    """RecipeError where the size of gravity is stated twice (the site or the gravimeter alone would count), or is none
+    of the Earth's surface."""
     reference = recipe.reference
     if reference.source != "gravity":
         return
@@ -77,6 +78,11 @@ def refuse_two_sizes(recipe: Recipe) -> None:
     for other in ("magnitude", "magnitude_std"):
         if measured and getattr(reference, other) is not None:
             raise RecipeError("gravity-stated-twice", recipe=recipe.name, measured=measured, other=other)
+    least, most = (limit / gravity.STANDARD for limit in gravity.SURFACE)
+    if reference.magnitude is not None and not least <= reference.magnitude <= most:
+        raise RecipeError(
+            "gravity-not-of-earth", recipe=recipe.name, magnitude=reference.magnitude, low=least, high=most
+        )
 
 
 def direction_errors(
