@@ -15,7 +15,7 @@ from station.files.json_text import parse_json
 from station.messages import Message, system_reason
 
 REQUIRED = ("unit", "node", "run", "visit", "position", "start_s", "end_s")
-COLUMNS = (*REQUIRED, "seating", "attempt", "simulated")
+COLUMNS = (*REQUIRED, "seating", "attempt", "simulated", "recipe")
 #: Beyond these a file holds no marks: 127 nests, 24 positions, 4 runs come to 12,192 marks of some 150 bytes.
 MOST_BYTES, MOST_MARKS = 5_000_000, 20_000
 

@@ -163,9 +163,11 @@ def _frames(log: LogReader, attempts: Sequence[Attempt], path: Path, marks_file:
         write_log(path, found, _channel(attempts))
     with _atomic_file(marks_file) as unfinished:
         write_marks(unfinished, marks)
-    if marks.recipe is None:
-        names = tuple(dict.fromkeys(a.recipe_name for a in attempts))
-        _output.print_remark(render(Message("export-several-recipes", recipes=names)))
+    if len(marks.recipes()) > 1:
+        _output.print_remark(render(Message("export-several-recipes", recipes=marks.recipes())))
+    unmarked = sorted({a.serial for a in attempts} - {mark.unit for mark in marks.marks})
+    if unmarked:
+        _output.print_remark(render(Message("export-without-marks", serials=unmarked)))
     return "frames", len(found)
 
 

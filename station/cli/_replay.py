@@ -43,11 +43,21 @@ def replay_log(log: Path, recipe: str | None, marks: Path | None, *, as_json: bo
 def open_recording(log: Path, recipe: str | None, marks: Path | None) -> tuple[Job, Frames, Annotations]:
     """A log with its recipe and its marks: those given, those beside it, or those found in the frames themselves."""
     given = marks or find_marks_file(log)
-    marked = read_marks(given) if given is not None else None
-    name = recipe or (marked.recipe if marked is not None else None) or load_settings().recipe
+    marked = _checked_marks(given, recipe) if given is not None else None
+    name = recipe or next(iter(marked.recipes() if marked else ()), None) or load_settings().recipe
     job, _ = load_job(name)
     frames = read_log(log)
-    return job, frames, _recognised_marks(log, frames, job) if marked is None else marked
+    return job, frames, _recognised_marks(log, frames, job) if marked is None else marked.of_recipe(job.recipe.name)
+
+
+def _checked_marks(path: Path, recipe: str | None) -> Annotations:
+    """Errors: LogError where the file marks nothing, or several recipes' dwells and none was named."""
+    marks = read_marks(path)
+    if not marks.marks:
+        raise LogError("marks-empty", file=str(path))
+    if recipe is None and len(marks.recipes()) > 1:
+        raise LogError("marks-of-several-recipes", file=str(path), recipes=marks.recipes())
+    return marks
 
 
 def decode_log(log: Path, dbc: Path, out: Path | None, *, as_json: bool) -> int:

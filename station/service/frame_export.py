@@ -53,19 +53,19 @@ def frames(log: LogReader, attempts: Sequence[Attempt]) -> tuple[Frames, Annotat
     joined = Frames.join([one.frames for one in recorded])
     joined = joined[np.argsort(joined.time_ns, kind="stable")]
     zero_ns = int(joined.time_ns[0]) if len(joined) else 0
-    names = {a.recipe_name for a in attempts}
     count = Counter(a.serial for a in attempts)
     made = tuple(
         mark.model_copy(
             update={
                 "attempt": one.attempt.attempt if count[one.attempt.serial] > 1 else "",
                 "simulated": stored_attempt.mark_of(one.attempt.software),
+                "recipe": one.attempt.recipe_name,
             }
         )
         for one in recorded
         for mark in _marks(log, one, zero_ns)
     )
-    return joined, Annotations(recipe=names.pop() if len(names) == 1 else None, marks=made)
+    return joined, Annotations(marks=made)
 
 
 def _recorded(log: LogReader, attempt: Attempt) -> _RecordedAttempt:

@@ -10,7 +10,7 @@ import pytest
 from station.cli.app import run_command
 from station.domain.records.stored_attempt import SIMULATED
 from station.domain.run.progress import Event, VisitDone
-from station.errors import UsageError
+from station.errors import LogError, UsageError
 from station.ports.log_reader import Query
 from station.service import frame_export
 from station.service.stop_request import StopRequest
@@ -70,8 +70,27 @@ def test_frames_of_several_recipes_are_said_to_be_so(
 ) -> None:
     export_frames(ran, tmp_path / "all.log")
     assert "of several recipes (six-point, norm)" in capsys.readouterr().err
+    with pytest.raises(LogError, match=r"of several recipes \(six-point, norm\): choose one with --recipe\."):
+        run_command(["replay", str(tmp_path / "all.log")])
+    assert run_command(["replay", str(tmp_path / "all.log"), "--recipe", "norm", "--json"]) == 0
+    whole = json.loads(capsys.readouterr().out)["units"]
     export_frames(ran, tmp_path / "norm.log", "--recipe", "norm")
     assert "several recipes" not in capsys.readouterr().err
+    assert run_command(["replay", str(tmp_path / "norm.log"), "--json"]) == 0, "the marks name the recipe"
+    (apart,) = json.loads(capsys.readouterr().out)["units"]
+    assert [(u["serial"], u["matrix"]) for u in whole] == [("SN0002", apart["matrix"])]
+
+
+def test_an_attempt_without_an_accepted_visit_is_said_to_hold_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    brief: dict[str, Any] = {"settle": {"time_s": 0.1}, "dwell": {"time_s": 0.2}}
+    order: dict[str, Any] = {"recipe": fixture_run.recipe(tmp_path, **brief), "faults": ("SN0003/stuck-axis:value=1",)}
+    stuck = fixture_run.run(tmp_path, ["SN0003"], **order)
+    export_frames(stuck, tmp_path / "stuck.log")
+    assert "No visit of SN0003 was accepted, so nothing is marked there" in capsys.readouterr().err
+    with pytest.raises(LogError, match=r"stuck\.log\.marks\.csv marks no dwell"):
+        run_command(["replay", str(tmp_path / "stuck.log")])
 
 
 def test_real_attempts_that_overlap_on_a_node_are_refused(ran: Ran) -> None:

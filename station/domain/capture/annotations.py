@@ -17,7 +17,8 @@ ASSUMED_GAP_S = 0.001
 
 class Annotation(StrictModel):
     """One dwell. start_s (with) and end_s (without) count from the log's first frame; node: of the unit's device;
-    attempt: which one, where the marks hold several of one unit; simulated: SIMULATED where rig and device were."""
+    attempt: which one, where the marks hold several of one unit; simulated: SIMULATED where rig and device were;
+    recipe: the name of its own."""
 
     unit: Name
     node: Annotated[int, Field(ge=1, le=127)]
@@ -29,14 +30,26 @@ class Annotation(StrictModel):
     seating: Name = "home"
     attempt: str = ""
     simulated: str = ""
+    recipe: str = ""
 
 
 class Annotations(StrictModel):
-    """All dwells of a log. recipe: its name, when they were made by a run."""
+    """All dwells of a log. recipe: its name, where a run made them and the marks do not each name their own."""
 
     schema_: Annotated[Literal["station.marks/1"], Field(alias="schema")] = "station.marks/1"
     recipe: str | None = None
     marks: tuple[Annotation, ...] = ()
+
+    def recipes(self) -> tuple[str, ...]:
+        """The recipes that the marks name, in their order."""
+        named = (mark.recipe or self.recipe for mark in self.marks)
+        return tuple(dict.fromkeys(name for name in (*named, self.recipe) if name))
+
+    def of_recipe(self, name: str) -> "Annotations":
+        """Those of one of several recipes; all, where they name one or none."""
+        if name not in self.recipes():
+            return self
+        return self.model_copy(update={"marks": tuple(m for m in self.marks if m.recipe in ("", name))})
 
     def units(self) -> dict[str, list[Annotation]]:
         """Marks by unit, and by attempt where there are several, in the order of run and visit."""
