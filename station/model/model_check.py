@@ -145,7 +145,8 @@ def _parameters(
         if (key := (p.name, p.of, p.axis)) in taken:
             yield place, Message("model-parameter-twice", effect=effect.id, name=p.name)
         taken.add(key)
-        if p.of.partition(":")[0] not in levels or (p.of.startswith("common") and p.of != "common"):
+        level, colon, group = p.of.partition(":")
+        if level not in levels or (colon and (level == "common" or not group.strip())):
             yield (*place, "of"), Message("model-level", of=p.of[:40], effect=effect.id, levels=tuple(levels))
         if p.std is not None and not 0 <= p.std <= MOST_SIZE:
             yield (*place, "std"), Message("model-std", value=p.std, high=MOST_SIZE)

@@ -46,6 +46,7 @@ def load(text: str, folder: Path, unit: str | None = "g") -> Model:
         ("{name: coefficient, axis: xy", "{name: slope, axis: xy", "effects.0.parameters.0.name", "it has coefficient"),
         ("axis: xy", "axis: xq", "effects.0.parameters.0.axis", "no axis 'xq'; it has xy, xz, yz"),
         ("common, value: 0.001", "galaxy, value: 0.001", "effects.0.parameters.0.of", "not shared by 'galaxy'"),
+        ("common, value: 0.001", "'nest:', value: 0.001", "effects.0.parameters.0.of", "not shared by 'nest:'"),
         ("value: 0.001", "value: .nan", "effects.0.parameters.0.value", "coefficient is nan; write a number from"),
         ("value: 0.001", "value: -.inf", "effects.0.parameters.0.value", "coefficient is -inf"),
         ("value: 0.001", "value: 1e7", "effects.0.parameters.0.value", "coefficient is 1e+07"),

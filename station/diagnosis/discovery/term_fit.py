@@ -202,20 +202,33 @@ def refine(term: Term, at: TermSpace) -> TermFit:
 
 
 def _refine_one(best: TermFit, field: str, where: TermSpace) -> TermFit:
-    """One constant by Brent's method between the neighbours of its best value on a coarse grid."""
-    scale = ConstantScale.of(field, dict(best.term.constants)[field], where.view)
-    tried: dict[float, TermFit] = {scale.start: best}
+    """One constant where the evidence is largest."""
+    tried = {best.term: best}
+
+    def evidence(term: Term) -> float:
+        tried[term] = found = tried.get(term) or fit_term(term, where)
+        return found.evidence
+
+    return tried[search_constant(best.term, field, where.view, evidence)]
+
+
+def search_constant(term: Term, field: str, view: ResidualView, worth: Callable[[Term], float]) -> Term:
+    """The term with one constant where it is worth most: by Brent's method between the neighbours of its best value on
+    a coarse grid."""
+    scale = ConstantScale.of(field, dict(term.constants)[field], view)
+    tried = {scale.start: (worth(term), term)}
 
     def at(x: float) -> float:
         if x not in tried:
-            tried[x] = fit_term(best.term.with_constants(**{field: scale.value(x)}), where)
-        return tried[x].evidence
+            moved = term.with_constants(**{field: scale.value(x)})
+            tried[x] = worth(moved), moved
+        return tried[x][0]
 
     for x in scale.around:
         at(x)
     for low, high in list(_tops(sorted(tried), at)):
         search_between(low, high, at)
-    return max(tried.values(), key=lambda f: f.evidence)
+    return max(tried.values(), key=lambda pair: pair[0])[1]
 
 
 def search_between(low: float, high: float, at: Callable[[float], float]) -> None:

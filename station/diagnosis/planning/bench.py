@@ -24,6 +24,8 @@ def bench_of(scene: Scene) -> SimulatedLine:
         line = replace(line, power_lead_s=max(float(np.median(lead[cold])), 0.0))
         if scene.temperature_degC is not None and float(np.ptp(scene.since_power_s)) > LEAST_SPAN_S:
             line = _with_heating(line, scene, scene.since_power_s, scene.temperature_degC)
+    if scene.temperature_degC is not None:
+        line = replace(line, room_degC=_room_degC(line, scene, scene.temperature_degC))
     if scene.since_clamp_s is not None:
         line = replace(line, clamp_lead_s=max(float(np.median(scene.since_clamp_s - scene.time_s)), 0.0))
     return line
@@ -44,4 +46,13 @@ def _with_heating(line: SimulatedLine, scene: Scene, since_power_s: Floats, temp
         size = float(x @ y) / max(float(x @ x), 1e-12)
         fits.append((float(np.sum((y - size * x) ** 2)), size, tau))
     _, size, tau = min(fits)
-    return replace(line, room_degC=float(temperature_degC.mean()), heating_degC=max(size, 0.0), heating_tau_s=tau)
+    return replace(line, heating_degC=max(size, 0.0), heating_tau_s=tau)
+
+
+def _room_degC(line: SimulatedLine, scene: Scene, temperature_degC: Floats) -> float:
+    """The room in which a bench that warms so has the mean temperature measured."""
+    runs = scene.recipe.runs
+    offsets = np.array([run.temperature_offset_degC for run in runs])[scene.codes("run-of-recipe")[scene.visit]]
+    powered = scene.time_s + line.power_lead_s if scene.since_power_s is None else scene.since_power_s
+    heated = line.heating_degC * (1 - np.exp(-powered / line.heating_tau_s))
+    return float(np.mean(temperature_degC - offsets - heated))

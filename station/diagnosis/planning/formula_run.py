@@ -5,7 +5,7 @@ from itertools import permutations
 
 import numpy as np
 
-from station.diagnosis.discovery.term_fit import TermFit, candidate_of
+from station.diagnosis.discovery.term_fit import ROUNDS, TermFit, candidate_of, search_constant
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.measured import measured_campaign
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns, plan_runs
@@ -19,23 +19,29 @@ from station.diagnosis.planning.proposal import (
     run_menu,
 )
 from station.diagnosis.results.diagnose import Diagnosis
-from station.diagnosis.search.distinguishability import distinct_share
+from station.diagnosis.search.distinguishability import SignatureAxes, distinct_share
+from station.domain.recipe.blocks import Run
+from station.model.formula.term import Term
 from station.model.formula.text import formula_text
 
 #: Rivals of one term that a run is planned against.
 MOST_RIVALS = 4
+#: How far beyond the temperatures so far a run may go.
+STEP_DEGC = 10.0
 
 
-def next_formula_run(d: Diagnosis) -> Proposal | None:
-    """The best next run for the formulas of a diagnosis; None where none are tied, or nothing of the menu helps."""
-    h = d.hypotheses
-    if h is None or not d.recipe.pose_known:
-        return None
-    ties = [(t.found.fit, *t.found.equivalent[:MOST_RIVALS]) for t in h.terms if t.found.equivalent]
-    if not ties:
-        return None
+def tied_formulas(d: Diagnosis) -> list[tuple[TermFit, ...]]:
+    """Of each term the fits that these data cannot tell apart, the one proposed first; none where no run is planned."""
+    if d.hypotheses is None or not d.recipe.pose_known:
+        return []
+    return [(t.found.fit, *t.found.equivalent[:MOST_RIVALS]) for t in d.hypotheses.terms if t.found.equivalent]
+
+
+def next_formula_run(d: Diagnosis, ties: list[tuple[TermFit, ...]]) -> Proposal | None:
+    """The best next run for the tied formulas of a diagnosis; None where nothing of the menu helps."""
+    assert d.hypotheses is not None
     campaign, now = measured_campaign(d), PlannedRuns.measured(d.recipe)
-    found = best_proposal(list(_rated(campaign, now, ties, h.floor.floor)))
+    found = best_proposal(list(_rated(campaign, now, ties, d.hypotheses.floor.floor)))
     return found if found is not None and found.separates else None
 
 
@@ -44,7 +50,8 @@ def _rated(
 ) -> Iterator[Proposal]:
     """Each run of the menu, the shortest first, up to the first that is certain enough."""
     names = tuple(tuple(formula_text(f.term) for f in tie) for tie in ties)
-    for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(minutes_of(choice[1]))):
+    menu = [*run_menu(campaign, now), *_wider_temperatures(now, ties)]
+    for text, longer in sorted(menu, key=lambda choice: round(minutes_of(choice[1]))):
         plan = PlannedCampaign.of(plan_runs(longer, campaign.units, campaign.line).problem, floor)
         apart: dict[CausePair, float] = {}
         for tie in ties:
@@ -55,14 +62,37 @@ def _rated(
             return
 
 
+def _wider_temperatures(now: PlannedRuns, ties: list[tuple[TermFit, ...]]) -> Iterator[tuple[str, PlannedRuns]]:
+    """A run beyond the temperatures so far, where formulas that know one are tied: there their curves part."""
+    if not any(name.startswith("temperature") for tie in ties for f in tie for name in f.term.needs):
+        return
+    offsets = [run.temperature_offset_degC for run in now.recipe.runs]
+    warmer, colder = max(offsets) + STEP_DEGC, min(offsets) - STEP_DEGC
+    for text, offset in ((f"{warmer:g} °C warmer", warmer), (f"{-colder:g} °C colder", colder)):
+        yield f"one run {text}", now.followed_by(Run(temperature_offset_degC=offset), {}, now.dwells[-1])
+
+
 def _separations(plan: PlannedCampaign, tie: tuple[TermFit, ...]) -> dict[CausePair, float]:
-    """d·√κ of each pair, whichever of the two it is: rivals as large as they would have to be to look like this."""
-    axes = [plan.axes(candidate_of(f.term, plan.problem.view, f.rms)) for f in tie]
+    """d·√κ of each pair, whichever of the two it is."""
     apart: dict[CausePair, float] = {}
-    for one, two in permutations(range(len(tie)), 2):
-        d = tie[one].rms * axes[one].length
-        names = formula_text(tie[one].term), formula_text(tie[two].term)
+    for one, two in permutations(tie, 2):
+        found = plan.axes(candidate_of(one.term, plan.problem.view, one.rms))
+        names = formula_text(one.term), formula_text(two.term)
         pair = min(names), max(names)
-        share = distinct_share(axes[one], axes[two])
-        apart[pair] = min(d * float(np.sqrt(share)), apart.get(pair, np.inf))
+        share = share_beyond(plan, found, two.term)
+        apart[pair] = min(one.rms * found.length * float(np.sqrt(share)), apart.get(pair, np.inf))
     return apart
+
+
+def share_beyond(plan: PlannedCampaign, found: SignatureAxes, rival: Term) -> float:
+    """κ: which share of a law a rival cannot follow, its constants what they would have to be in the longer campaign:
+    the next diagnosis looks for them anew."""
+    view = plan.problem.view
+
+    def followed(term: Term) -> float:
+        return 1 - distinct_share(found, plan.axes(candidate_of(term, view)))
+
+    for _ in range(ROUNDS if len(rival.fields) > 1 else 1):
+        for field in rival.fields:
+            rival = search_constant(rival, field, view, followed)
+    return 1 - followed(rival)

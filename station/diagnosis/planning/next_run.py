@@ -13,6 +13,9 @@ from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.model_file import EFFECTS
 
+#: Where nothing parts what is tied.
+NO_RUN = "no run of the menu separates them"
+
 
 def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
     """What to measure next, as the document says it, and the recipe; nothing where nothing is tied."""
@@ -28,18 +31,24 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         found = None
     if found is None:
         members = {name for c in tied for name in (c.finding.name, *c.finding.indistinguishable_from)}
-        change = next(_tie_breakers(members), "no run of the menu separates them")
-        return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.0}, None
+        return _without_run(next(_tie_breakers(members), NO_RUN)), None
     return _document(found), found
 
 
 def _formula_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
     """What to measure next to part the formulas that were proposed."""
     # Formulas are planned for only where there are any.
-    from station.diagnosis.planning.formula_run import next_formula_run
+    from station.diagnosis.planning.formula_run import next_formula_run, tied_formulas
 
-    found = next_formula_run(d)
-    return (None, None) if found is None else (_document(found), found)
+    if not (ties := tied_formulas(d)):
+        return None, None
+    found = next_formula_run(d, ties)
+    return (_without_run(NO_RUN), None) if found is None else (_document(found), found)
+
+
+def _without_run(change: str) -> dict[str, Any]:
+    """What would help where no run does."""
+    return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.0}
 
 
 def _document(found: Proposal) -> dict[str, Any]:
