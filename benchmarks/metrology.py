@@ -21,7 +21,7 @@ from metrology_rows.bound import bound
 from metrology_rows.certificates import certificates
 from metrology_rows.indices import indices
 from metrology_rows.kinds import kinds
-from metrology_rows.poses import poses, sites, taught, tilts, white
+from metrology_rows.poses import poses, runs, sites, taught, tilts, white
 from metrology_rows.readings import clipped, rounding, slow, taken_for_granted, warmed
 from metrology_rows.report import Report
 from metrology_rows.risks import learnt, risks
@@ -31,19 +31,20 @@ from station import __version__
 from station.domain.methods import uncertainty
 
 ROWS: dict[str, Callable[[int, Report], None]] = {
-    "white": white, "bound": bound, "tilts": tilts, "taught": taught, "poses": poses, "rounding": rounding,
-    "method": taken_for_granted, "temperature": warmed, "slow": slow, "sites": sites, "clipped": clipped,
-    "risks": risks, "learnt": learnt,
+    "white": white, "bound": bound, "tilts": tilts, "taught": taught, "poses": poses, "runs": runs,
+    "rounding": rounding, "method": taken_for_granted, "temperature": warmed, "slow": slow,
+    "sites": sites, "clipped": clipped, "risks": risks, "learnt": learnt,
     "kinds": kinds, "indices": indices, "certificates": certificates,
 }  # fmt: skip
 
 #: What each section is validated against.
 ABOUT = {
     "white": "noise alone; closed form, Student's t (JCGM 100, annex G)",
-    "bound": "least coverage of any rule, by a linear program (docs/uncertainty.md)",
+    "bound": "least coverage of any rule, by linear programs (docs/uncertainty.md)",
     "tilts": "nest and base off as stated: shared errors (JCGM 100, 5.2)",
     "taught": "six faces after 100 units in the log",
     "poses": "poses and other scatter that nobody stated (Type A)",
+    "runs": "offsets that differ from run to run, as stated (Type B)",
     "rounding": "converters (JCGM 100, F.2.2.1 and F.2.4.5; JCGM 101)",
     "method": "what a method takes for granted (Type B)",
     "temperature": "temperature coefficients and a thermometer that nobody states (Type B)",

@@ -50,7 +50,7 @@ def recipe(design: str, reference: dict[str, Any] | None = None, **more: Any) ->
             "schema": "station.recipe/1", "name": design, "version": 1, "sensor": "accelerometer", "unit": "g",
             "reference": {"source": "gravity", "magnitude": 1.0, **EXACT, **(reference or {})},
             "positions": [{"name": f"p{i:02d}", "quaternion": quaternion(R)} for i, R in enumerate(poses)],
-            "method": METHODS[design], "device": {"rounding": "nearest"}, **more,
+            "method": METHODS[design], **more, "device": {"rounding": "nearest", **more.get("device", {})},
         }
     )  # fmt: skip
 

@@ -61,6 +61,16 @@ class TwiceBench(Bench):
         return replace(table, run=table.visit // poses, visit=visit, position=Labels(table.position.names, visit))
 
 
+def runs(units: int, report: Report) -> None:
+    """Offsets of 0.5 mg from power-on to power-on, stated, poses visited in two runs."""
+    for design in ("six", "n18", "norm"):
+        bench = TwiceBench(recipe(design, device={"turn_on_std": 5e-4}, runs=[{}, {}]), units, report, 45)
+        values = bench.readings(np.tile(bench.truth(), (1, 2, 1)))
+        apart = 5e-4 * bench.rng.standard_normal((units, 2, 1, 3))
+        values += np.repeat(apart, len(bench.poses), axis=1).reshape(units, -1, 1, 3)
+        bench.coverage(f"offsets of two runs stated, {design}", values, (0.94, 0.975))
+
+
 def poses(units: int, report: Report) -> None:
     """Poses off by what nobody stated."""
     for design in ("six", "n18", "norm"):

@@ -10,6 +10,7 @@ from station.config.search_path import shipped_folder
 from station.domain.planning.forecast import forecast
 from station.domain.recipe import assumptions
 from station.domain.recipe.recipe import Recipe
+from station.reporting.certificate import facts
 
 RECIPES = shipped_folder() / "recipes"
 #: Lines that readings show by themselves (Type A).
@@ -30,6 +31,7 @@ DISCLOSED_BY = {
     "base tilt": {"reference.base_std_deg"},
     "field direction": {"reference.field_std_deg"},
     "temperature": {"device.offset_tempco", "device.gain_tempco"},
+    "runs": {"device.turn_on_std"},
     "method": {"device.gain_std", "device.cross_std"},
 }
 STATED = {
@@ -62,6 +64,16 @@ def test_of_a_gold_reference_what_its_certificate_did_not_say_is_listed() -> Non
     document["reference"]["gold"] = stated
     left = {a.key for a in assumptions.listing(silent(document)) if not a.stated}
     assert not any("gold" in key for key in left)
+
+
+def test_a_certificate_lists_the_offset_of_another_power_on_as_its_budget_held_it() -> None:
+    recipe = silent(yaml.safe_load((RECIPES / "six-point.yaml").read_text(encoding="utf-8")))
+
+    def listed(parts: dict[str, float]) -> dict[str, float]:
+        return {a.key: a.value for a in facts.assumed(recipe, {"budget": [{"parts": parts}]})}
+
+    assert listed({"runs": 5e-4})["device.turn_on_std"] == 5e-4
+    assert listed({"runs": 0.0})["device.turn_on_std"] == 0.0
 
 
 def assert_disclosed(recipe: Recipe) -> None:

@@ -88,6 +88,59 @@ def test_tempcos_of_usual_data_sheets_count_where_the_temperature_was_measured(r
     assert found is not None and not found.std("temperature").any(), "what is stated as nothing is nothing"
 
 
+def test_offset_of_another_power_on_counts_where_a_product_keeps_the_coefficients(rng: np.random.Generator) -> None:
+    def of_runs(sensor: str = "accelerometer", **more: Any) -> Floats:
+        recipe = tumble.recipe("one-point", sensor, **more)
+        table = tumble.table(recipe, tumble.truths(recipe)[None], 1e-4, 50, rng)
+        found = tumble.calibrate_unit(recipe, table, TODAY).budget
+        assert found is not None
+        return np.asarray(found.std("runs"))
+
+    assert not of_runs().any(), "nothing is kept: the result is that of this power-on"
+    kept = of_runs(product="any")
+    assert kept[:3] == pytest.approx(np.full(3, 5e-4)) and not kept[3:].any()
+    assert of_runs("magnetometer", product="any")[:3] == pytest.approx(np.full(3, 0.05))
+    assert not of_runs(product="any", device={"turn_on_std": 0}).any()
+    assert of_runs(device={"turn_on_std": 2e-4})[:3] == pytest.approx(np.full(3, 2e-4))
+    twice: dict[str, Any] = {"runs": [{}, {}]}
+    assert of_runs(device={"turn_on_std": 2e-4}, **twice)[:3] == pytest.approx(np.full(3, 2e-4 / 2**0.5))
+    assert of_runs(product="any", **twice)[:3] == pytest.approx(np.full(3, 5e-4)), "nobody says that power was off"
+
+
+@pytest.mark.parametrize(
+    ("method", "runs"),
+    [
+        ("n-point", ["home", "home"]),
+        ("n-point", ["home", "home", "back"]),
+        ("six-point", ["home", "back"]),
+        ("norm", ["home", "home"]),
+    ],
+)
+def test_stated_offsets_of_runs_are_no_scatter(rng: np.random.Generator, method: str, runs: list[str]) -> None:
+    """Offsets of 1 mg from run to run beside noise of 0.05 mg move the offset and nothing else."""
+    seats = {"back": {"axis": [0, 0, 1], "angle_deg": 180}}
+    whole: dict[str, Any] = {"seatings": seats, "runs": [{"seating": s} for s in runs], "reference": RIG}
+
+    def found(apart: float, **sheet: float) -> tuple[list[Any], Floats]:
+        recipe, theta = tumble.recipe(method, device=sheet, **whole), tumble.units(rng, 60)
+        each = apart * rng.standard_normal((60, len(runs), 3))
+        mean = tumble.readings(theta, tumble.truths(recipe))
+        mean = mean + np.repeat(each, mean.shape[1] // len(runs), axis=1)
+        results = list(pipeline.calibrate(recipe, tumble.table(recipe, mean, 3e-4, 40, rng), TODAY))
+        assert all(r.budget is not None for r in results)
+        return [r.budget for r in results], np.abs(np.array([coefficients(r) for r in results]) - theta)
+
+    stated, error = found(1e-3, turn_on_std=1e-3)
+    unstated, _ = found(1e-3, turn_on_std=0)
+    calm, _ = found(0.0, turn_on_std=0)
+    within = error < np.array([b.expanded() for b in stated])
+    # Of 180 offsets and 540 others; at 95 % fewer than these by chance of 1e-4.
+    assert within[:, :3].mean() > 0.88 and within[:, 3:].mean() > 0.91
+    gains = [np.mean([b.expanded()[3:] for b in of]) for of in (stated, unstated, calm)]
+    assert gains[0] < 1.15 * gains[2] < 0.2 * gains[1]
+    assert np.mean([b.scatter > 0 for b in stated]) < 0.05, "nothing that visits differ by is left"
+
+
 def test_quantisation_without_dither_is_a_line_of_its_own(rng: np.random.Generator) -> None:
     recipe = tumble.recipe("six-point", device={"lsb": 0.0127})
     true = tumble.readings(tumble.units(rng, 1), tumble.truths(recipe))

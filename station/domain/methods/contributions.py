@@ -140,14 +140,23 @@ def method(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:
 
 
 def turn_on(recipe: Recipe, fit: Fit, visits: ReducedVisits) -> Floats:
-    """An offset that differs from run to run, on each axis by itself."""
+    """An offset that differs from run to run, on each axis by itself; of usual data sheets, where nobody says that
+    power is switched between runs, one for all."""
     u, _, v, _ = fit.jacobian.shape
-    std = recipe.device.turn_on_std or 0.0
+    std = assumptions.turn_on_std(recipe)
     if std == 0:
         return np.zeros((u, 12, 12))
-    run = (np.unique(visits.run)[:, None] == visits.run).astype(float)
-    felt = std * np.einsum("rv,ik->rivk", run, np.eye(3)).reshape(-1, 3 * v)
+    felt = offsets_of_runs(visits).reshape(-1, 3, 3 * v)
+    if recipe.device.turn_on_std is None:
+        felt = felt.sum(axis=0, keepdims=True)
+    felt = std * felt.reshape(-1, 3 * v)
     return of_readings(fit, np.broadcast_to(felt, (u, *felt.shape)))
+
+
+def offsets_of_runs(visits: ReducedVisits) -> Floats:
+    """Patterns (k, v, 3) of readings that are off by 1 on one axis in one run."""
+    run = (np.unique(visits.run)[:, None] == visits.run).astype(float)
+    return np.asarray(np.einsum("rv,ik->rivk", run, np.eye(3)).reshape(-1, len(visits.run), 3))
 
 
 def temperature(recipe: Recipe, problem: FitProblem, fit: Fit) -> Floats:

@@ -22,6 +22,10 @@ LEVEL = 1e-3
 PORTION = 6144
 #: Rounds of estimating the scatter and fitting with it.
 ROUNDS = 4
+#: A pattern of misfit smaller than this, in the recipe's unit, is rounding.
+NEGLIGIBLE_PATTERN = 1e-9
+#: Visits of one pose of which a pattern, of size 1 in all, says less than this different are the same to it.
+EQUAL = 1e-6
 #: Newton steps on χ²(τ²) = ν, which is convex and falls: it arrives from below.
 STEPS = 60
 #: χ² has arrived at ν when it is above it by no more than this share.
@@ -121,17 +125,37 @@ def lack_of_fit(problem: FitProblem, fit: Fit) -> LackOfFit:
     declared = (keep * fit.pose_variance).transpose(0, 2, 1) @ group / np.maximum(keep[..., 0] @ group, 1)[:, None]
     about = (misfit - (mean @ group.T).transpose(0, 2, 1)) * keep
     poses, visits = observed[:, 0].sum(axis=1), keep.sum(axis=(1, 2))
+    apart = _differing(fit.explained, group)
     return LackOfFit(
         between=(mean**2).reshape(u, -1),
         of_between=(of_mean + declared).reshape(u, -1),
-        dof_between=a * poses - float(fit.parameters) - len(fit.explained),
+        dof_between=a * poses - float(fit.parameters) - (len(fit.explained) - apart),
         within=(about**2).reshape(u, -1),
         of_within=noise.reshape(u, -1),
-        dof_within=a * (visits - poses).astype(float),
+        dof_within=a * (visits - poses).astype(float) - apart,
         mean=mean.reshape(u, -1),
         of_mean=of_mean.reshape(u, -1),
         observed=observed.reshape(u, -1),
     )
+
+
+def basis(explained: Floats) -> Floats:
+    """Orthonormal patterns (k', v, a) that span those of misfit (k, v, a), rounding errors apart."""
+    if not len(explained):
+        return explained
+    flat = explained.reshape(len(explained), -1)
+    _, size, rows = np.linalg.svd(flat, full_matrices=False)
+    rank = int((size > NEGLIGIBLE_PATTERN).sum())
+    return np.asarray(rows[:rank].reshape(rank, *explained.shape[1:]))
+
+
+def _differing(explained: Floats, group: Floats) -> int:
+    """How many of the explained patterns (k, v, a) are of visits of one pose that differ. group (v, p): of which."""
+    if not len(explained) or group.shape[1] == len(group):
+        return 0
+    within = np.eye(len(group)) - (group / group.sum(axis=0)) @ group.T
+    about = np.einsum("vw,kwa->kva", within, explained).reshape(len(explained), -1)
+    return int((np.linalg.svd(about, compute_uv=False) > EQUAL).sum())
 
 
 def _unexplained(fit: Fit) -> Floats:

@@ -16,6 +16,7 @@ from station.domain.methods import (
     residual_scatter,
     scatter,
     stated_poses,
+    stated_runs,
     tilt,
 )
 from station.domain.methods.method import Fit, FitProblem
@@ -29,9 +30,9 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 10
+RULES = 11
 #: Editions whose `residuals` are ratios in the same units.
-SAME_RATIOS = (9, RULES)
+SAME_RATIOS = (9, 10, RULES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +122,7 @@ def budgets(recipe: Recipe, problem: FitProblem, fit: Fit, visits: ReducedVisits
     """The budget of each unit. visits: of one of them; rounding (12): standard deviations of the coefficients' rounding
     in the device."""
     u = len(fit.theta)
-    problem, fit = _with_rounding(problem, fit)
+    problem, fit = stated_runs.without_offsets_of_runs(recipe, *_with_rounding(problem, fit), visits)
     pose_std, pose_dof = _pose_std(recipe, problem, fit)
     scattered, residuals = _scatter(recipe, problem, fit, hidden_scatter.bound(recipe, problem, pose_std))
     rounded = quantisation.quantisation(recipe, problem, fit)

@@ -27,6 +27,8 @@ POSE_DEG = 10 / 60 / 3**0.5
 HIDDEN_SCATTER = "residuals"
 #: Keys of what temperature does.
 TEMPCOS, THERMOMETER = ("device.offset_tempco", "device.gain_tempco"), "reference.thermometer_std_degC"
+#: Key of the offset of another power-on.
+TURN_ON = "device.turn_on_std"
 #: Residuals of so many degrees of freedom show errors of poses by themselves.
 MIN_RESIDUAL_DOF = 3
 #: Sensitivity and cross-axis sensitivity as data sheets of MEMS sensors usually bound them.
@@ -107,6 +109,14 @@ def tempcos(recipe: Recipe) -> tuple[float, float]:
     return _stated_or(recipe.device.offset_tempco, of_offset), _stated_or(recipe.device.gain_tempco, of_gain)
 
 
+def turn_on_std(recipe: Recipe) -> float:
+    """How an offset differs from one power-on to another, in the recipe's unit; left out, as usual data sheets have it
+    where a product keeps the coefficients, which then serve at every later power-on."""
+    # A sensor kind of before rules 11 names none.
+    usual = 0.0 if recipe.product is None else getattr(sensor.of(recipe), "usual_turn_on", 0.0)
+    return _stated_or(recipe.device.turn_on_std, usual)
+
+
 def thermometer_degC(recipe: Recipe) -> float:
     """Standard uncertainty of the temperature at which the coefficients hold."""
     return _stated_or(recipe.reference.thermometer_std_degC, THERMOMETER_DEGC)
@@ -135,7 +145,9 @@ def listing(recipe: Recipe) -> tuple[Assumption, ...]:
             found.append(_of("device.gain_std", device.gain_std, GAIN, "1", Message("assumed-gain")))
         found.append(_of("device.cross_std", device.cross_std, CROSS, "1", Message("assumed-cross")))
     found += [*_gold(recipe), *_earth_rate(recipe), _rounding(recipe)]
-    found.append(_of("device.turn_on_std", device.turn_on_std, 0.0, recipe.unit, Message("assumed-turn-on")))
+    usual = turn_on_std(recipe)
+    source = Message("assumed-turn-on-usual" if usual else "assumed-turn-on")
+    found.append(_of(TURN_ON, device.turn_on_std, usual, recipe.unit, source))
     if recipe.feels_rotation and r.source != "gold":
         sensitivity, own_unit = device.g_sensitivity, f"{recipe.unit}/g"
         found.append(
@@ -155,6 +167,12 @@ def at_one_temperature(listed: tuple[Assumption, ...]) -> tuple[Assumption, ...]
     told = (a for a in listed if a.stated or a.key != THERMOMETER)
     held = Message("assumed-one-temperature")
     return tuple(replace(a, value=0.0, source=held) if a.key in TEMPCOS and not a.stated else a for a in told)
+
+
+def at_one_power_on(listed: tuple[Assumption, ...]) -> tuple[Assumption, ...]:
+    """The same of a budget of before rules 11, which took another power-on's offset for nothing unless stated."""
+    held = Message("assumed-turn-on")
+    return tuple(replace(a, value=0.0, source=held) if a.key == TURN_ON and not a.stated else a for a in listed)
 
 
 def unknown_earth_rate(recipe: Recipe) -> Floats:

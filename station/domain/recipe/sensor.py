@@ -16,7 +16,8 @@ class Sensor(Protocol):
     """A sensor kind. unit: of its readings; quantity: what it measures, in words; sources: what may excite it;
     feels_earth_rate: whether the Earth's turning is part of its stimulus; large_offset: whether a good unit's offset
     may exceed the stimulus, so that neither size nor direction of a raw reading says anything; usual_tempcos: of offset
-    (unit/degC) and gain (1/degC), as data sheets usually bound them; where a kind has none, they are 0."""
+    (unit/degC) and gain (1/degC), as data sheets usually bound them; usual_turn_on: of the offset from one power-on to
+    another, likewise; where a kind has none, they are 0."""
 
     unit: ClassVar[str]
     quantity: ClassVar[str]
@@ -24,6 +25,7 @@ class Sensor(Protocol):
     feels_earth_rate: ClassVar[bool]
     large_offset: ClassVar[bool]
     usual_tempcos: ClassVar[tuple[float, float]]
+    usual_turn_on: ClassVar[float]
 
     def truth_errors(
         self, recipe: "Recipe", position: tuple[str, ...], seating: tuple[str, ...], true: Floats

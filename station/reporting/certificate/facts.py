@@ -103,8 +103,10 @@ def of_attempt(
 def assumed(recipe: Recipe, fit: Mapping[str, Any]) -> tuple[Assumption, ...]:
     """Every contribution as stated or assumed in the budget of that calibration, which may be an older one."""
     listed = assumptions.listing(recipe)
-    with_temperature = any(b["parts"].get("temperature") for b in fit["budget"])
-    return listed if with_temperature else assumptions.at_one_temperature(listed)
+    if not any(b["parts"].get("temperature") for b in fit["budget"]):
+        listed = assumptions.at_one_temperature(listed)
+    with_power_on = any(b["parts"].get("runs") for b in fit["budget"])
+    return listed if with_power_on else assumptions.at_one_power_on(listed)
 
 
 def _adjustment(writes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from station.domain.core import linear_algebra
 from station.domain.core.types import Floats
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, scatter
 from station.domain.methods.calibrate import _outliers, _shared_fit
 from station.domain.methods.calibrate._shared_fit import Columns
 from station.domain.methods.method import Fit, FitProblem, same_at_all_visits
@@ -71,7 +71,7 @@ def solve(problem: FitProblem, columns: Columns, *, weighted: bool) -> Fit:
             break
         keep = np.where(worst, 0.0, keep)
     fit = _fit(problem, columns, axes, (noise, pose), keep)
-    return replace(fit, explained=_shared_fit.scatter_basis(explained[..., : problem.axes]))
+    return replace(fit, explained=scatter.basis(explained[..., : problem.axes]))
 
 
 def _of_axes(columns: Columns, axes: int) -> Columns:

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from station.domain.core import linear_algebra
 from station.domain.core.types import Floats
-from station.domain.methods import coefficients
+from station.domain.methods import coefficients, scatter
 from station.domain.methods.calibrate import _outliers
 from station.domain.methods.method import Fit, FitProblem
 
-#: A pattern of misfit smaller than this, in the recipe's unit, is rounding.
-NEGLIGIBLE_PATTERN = 1e-9
 Columns = tuple[tuple[int, ...], ...]
 
 
@@ -53,7 +51,7 @@ def fit(
     chi2, drop = _misfit(residual**2, shared.spread, variance[0] + variance[1], explained)
     parameters = sum(map(len, columns))
     consistent = even & (chi2 <= chi2_limit(3 * v - parameters)) & (drop < outlier_limit(v))
-    return replace(_fit(shared, theta, residual, variance, parameters, consistent), explained=scatter_basis(explained))
+    return replace(_fit(shared, theta, residual, variance, parameters, consistent), explained=scatter.basis(explained))
 
 
 def _misfit(square: Floats, spread: Floats, variance: Floats, explained: Floats) -> tuple[Floats, Floats]:
@@ -104,16 +102,6 @@ def shared_solution(truth: bytes, v: int, columns: Columns) -> SharedSolution:
     alone = leverage > _outliers.FULL_LEVERAGE
     spread = np.where(alone, 0.0, 1 / np.where(alone, 1.0, 1 - leverage))
     return SharedSolution(T, jacobian, np.where(free, 0.0, coefficients.NOMINAL), free, spread)
-
-
-def scatter_basis(explained: Floats) -> Floats:
-    """Orthonormal patterns (k', v, a) that span those of misfit (k, v, a), rounding errors apart."""
-    if not len(explained):
-        return explained
-    flat = explained.reshape(len(explained), -1)
-    _, size, basis = np.linalg.svd(flat, full_matrices=False)
-    rank = int((size > NEGLIGIBLE_PATTERN).sum())
-    return np.asarray(basis[:rank].reshape(rank, *explained.shape[1:]))
 
 
 def coefficients_of(axis: int, columns: tuple[int, ...]) -> list[int]:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from station.domain.core import rotation
 from station.domain.core.linear_algebra import inverse
 from station.domain.core.types import Floats
-from station.domain.methods import residual_scatter
+from station.domain.methods import residual_scatter, scatter
 from station.domain.methods.calibrate import _alignment, _ellipsoid, _outliers
 from station.domain.methods.calibrate._ellipsoid import COLUMNS, ROWS, Ellipsoid
-from station.domain.methods.calibrate._shared_fit import scatter_basis
 from station.domain.methods.method import Fit, FitProblem
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
@@ -174,7 +173,7 @@ def _explained(problem: FitProblem, nominal: Floats) -> Floats:
     turned = np.cross(t[None], errors)
     across = np.eye(3) - t[:, :, None] * t[:, None, :]
     common = np.linalg.solve(across.sum(axis=0), turned.sum(axis=1).T).T
-    return scatter_basis(turned - np.einsum("vij,kj->kvi", across, common))
+    return scatter.basis(turned - np.einsum("vij,kj->kvi", across, common))
 
 
 def _pose_std(

@@ -18,6 +18,8 @@ class Accelerometer:
     sources: ClassVar[tuple[str, ...]] = ("gravity", "gold")
     #: LIS3DH, ADXL345: 0.4 to 1.2 mg/degC, 0.01 %/degC.
     usual_tempcos: ClassVar[tuple[float, float]] = (5e-4, 1e-4)
+    #: MS1002, MS1010: 0.24 and 1.2 mg within a year; MTi-100: 3 mg.
+    usual_turn_on: ClassVar[float] = 5e-4
     feels_earth_rate: ClassVar[bool] = False
     large_offset: ClassVar[bool] = False
 

@@ -22,6 +22,8 @@ class Gyroscope:
     sources: ClassVar[tuple[str, ...]] = ("rate", "gold")
     #: ICM-20948, L3GD20H: 0.04 to 0.05 deg/s/degC; 4 % over 125 degC.
     usual_tempcos: ClassVar[tuple[float, float]] = (0.05, 3e-4)
+    #: MTi-10, MTi-100: within 0.5 and 0.2 deg/s from one power-on to another.
+    usual_turn_on: ClassVar[float] = 0.2
     feels_earth_rate: ClassVar[bool] = True
     large_offset: ClassVar[bool] = False
 

@@ -32,6 +32,8 @@ class Inclinometer:
     unit_per_rad: ClassVar[float] = float(np.rad2deg(1.0))
     #: usual CiA 410 devices: 0.01 deg/degC, 0.01 %/degC.
     usual_tempcos: ClassVar[tuple[float, float]] = (0.01, 1e-4)
+    #: MS1002, of whose kind they are made: 0.24 mg.
+    usual_turn_on: ClassVar[float] = 0.014
     feels_earth_rate: ClassVar[bool] = False
     #: An angle may be nothing but its offset: size and direction of (x, y) say nothing about a face.
     large_offset: ClassVar[bool] = True

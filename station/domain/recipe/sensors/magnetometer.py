@@ -18,6 +18,8 @@ class Magnetometer:
     sources: ClassVar[tuple[str, ...]] = ("field", "gold")
     #: LSM303AGR, LIS2MDL: 0.3 mG/degC, 0.03 %/degC.
     usual_tempcos: ClassVar[tuple[float, float]] = (0.03, 3e-4)
+    #: HMC1001: 0.4 mG after a set pulse, 1 mG after fields of 2 G.
+    usual_turn_on: ClassVar[float] = 0.05
     feels_earth_rate: ClassVar[bool] = False
     large_offset: ClassVar[bool] = True
 
