@@ -5,7 +5,7 @@ import math
 import xml.etree.ElementTree as ET
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from station.reporting.drawing import limit_bar, scale, tables
@@ -13,6 +13,7 @@ from station.reporting.drawing.box import Box, draw_boxes
 from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import Figure, Series, panels, plot, svg
 from station.reporting.drawing.levels import Level
+from station.reporting.number_text import format_to_uncertainty
 
 NS = "{http://www.w3.org/2000/svg}"
 
@@ -85,6 +86,14 @@ def test_a_closer_look_is_drawn_only_near_a_limit(value: float, closer: bool) ->
     drawn = str(limit_bar.draw(bar, "x"))
     assert ('height="216"' in drawn) is closer
     assert 'stroke="#677683"' in drawn if closer else 'stroke="#677683"' not in drawn
+
+
+@given(st.floats(0.001, 0.0125), st.sampled_from([1, -1]))
+@example(0.00997, 1)
+def test_figures_of_the_closer_look_are_those_of_the_certificate(expanded: float, side: int) -> None:
+    value = side * (0.08 - expanded / 2)
+    drawn = str(limit_bar.draw(limit_bar.LimitBar(value, expanded, -0.08, 0.08, 0.0, ("a", "b", "c", "d")), "x"))
+    assert f">{format_to_uncertainty(value, expanded)} ± {format_to_uncertainty(expanded, expanded)}<" in drawn
 
 
 @pytest.mark.parametrize("value", [0.7, 0.9899, 0.9999, 1.001, 1.3])

@@ -1,11 +1,11 @@
 """One value on the bar of its limits, with its uncertainty, and a closer look where that is small beside the limits."""
 
-import math
 from dataclasses import dataclass
 
 from station.reporting.drawing.drawing import Drawing
 from station.reporting.drawing.figure import mark, svg_document, svg_text
 from station.reporting.drawing.scale import Scale, text_width, tick_label
+from station.reporting.number_text import format_to_uncertainty
 
 _WIDTH, _BAR_Y, _ZOOM_Y = 640.0, 66.0, 150.0
 _GREEN, _AMBER, _RED, _INK = "#bcd8c9", "#ffe3ad", "#ae131f", "#14212c"
@@ -73,15 +73,15 @@ def _lens(bar: LimitBar, whole: Scale, near: Scale) -> list[str]:
 def _stated(bar: LimitBar, near: Scale) -> list[str]:
     """The value with its uncertainty in figures above its mark, and what is allowed."""
     expanded = bar.expanded or 1.0  # a closer look is drawn only where it is stated
-    digits = max(1 - math.floor(math.log10(expanded)), 0)
-    words, middle = f"{bar.value:.{digits}f} ± {expanded:.{digits}f}".replace("-", "−"), (near.start + near.end) / 2
+    value, wide = (format_to_uncertainty(figure, expanded) for figure in (bar.value, expanded))
+    words, middle = f"{value} ± {wide}", (near.start + near.end) / 2
     parts = [svg_text(middle, _ZOOM_Y - 14, words, "middle", weight=600, size=_LABEL_PX)]
     zone = [min(max(near(v), near.start), near.end) for v in (bar.low + bar.guard, bar.high - bar.guard)]
     reach = text_width(words, _LABEL_PX) / 2 + _GAP
-    wide = text_width(bar.words[3], _LABEL_PX) + 2 * _GAP
+    room = text_width(bar.words[3], _LABEL_PX) + 2 * _GAP
     # In the free part of the zone that is allowed, beside the figures of the value.
     for left, right in ((zone[0], min(zone[1], middle - reach)), (max(zone[0], middle + reach), zone[1])):
-        if right - left >= wide:
+        if right - left >= room:
             return [*parts, svg_text((left + right) / 2, _ZOOM_Y - 14, bar.words[3], "middle", size=_LABEL_PX)]
     return parts
 
