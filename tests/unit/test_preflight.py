@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from station.diagnosis.data import family, preflight
+from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import sheet
 from station.errors import SamplesError
 from tests.fakes import tumble
 
@@ -99,11 +99,31 @@ def test_another_rate_is_said_exactly_and_lost_frames_are_no_rate(rng: np.random
 def test_rows_that_are_missing_change_no_inferred_rate(rng: np.random.Generator) -> None:
     """They were a clock-error of 5,058 ppm, p = 1: the rate by counts beside stamps that step by whole periods."""
     time_s = np.sort(rng.choice(3000, 2760, replace=False)) / 100
-    rate_hz, jitter_s = sheet.rate_of(time_s, np.ones(len(time_s) - 1, bool))
+    rate_hz, jitter_s = rate_of(time_s, np.ones(len(time_s) - 1, bool))
     assert rate_hz == pytest.approx(100)
     assert jitter_s == pytest.approx(0, abs=1e-9)
     shared = np.floor(np.arange(3000) / 4) / 25
-    assert sheet.rate_of(shared, np.ones(2999, bool))[0] == pytest.approx(100, rel=0.01)
+    assert rate_of(shared, np.ones(2999, bool))[0] == pytest.approx(100, rel=0.01)
+
+
+@pytest.mark.parametrize("burst", [2, 5, 8, 16])
+@pytest.mark.parametrize("apart_s", [0.0, 5e-5])
+def test_readings_that_come_in_bursts_change_no_inferred_rate(burst: int, apart_s: float) -> None:
+    """Visits of 100 readings in bursts of 8 were 107 Hz; with a stamp each the rate was that within a burst."""
+    place = np.arange(100)
+    last = np.minimum((place // burst + 1) * burst - 1, 99)
+    visit = last / 100 + apart_s * (place % burst)
+    time_s = np.concatenate([visit + 2.5 * v for v in range(30)])
+    within = np.diff(np.repeat(np.arange(30), 100)) == 0
+    assert rate_of(time_s, within)[0] == pytest.approx(100, rel=0.02)
+
+
+def test_late_stamps_change_no_inferred_rate(rng: np.random.Generator) -> None:
+    """It was 97 Hz: steps ahead counted, those back did not."""
+    late = rng.exponential(0.004, 6000) * (rng.random(6000) < 0.3)
+    time_s = np.repeat(np.arange(60) * 2.5, 100) + np.tile(np.arange(100) / 100, 60) + late
+    within = np.diff(np.repeat(np.arange(60), 100)) == 0
+    assert rate_of(time_s, within)[0] == pytest.approx(100, rel=0.005)
 
 
 def test_a_rate_that_sensors_are_set_to_is_the_sheets_error_and_any_other_the_clocks(rng: np.random.Generator) -> None:

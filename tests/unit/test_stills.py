@@ -41,6 +41,15 @@ def test_time_may_be_in_any_step(rng: np.random.Generator) -> None:
     assert len(rest_segments.find(time_s[slow], reading[slow])) == 6
 
 
+def test_readings_that_arrive_in_bursts_rest_as_well(rng: np.random.Generator) -> None:
+    """Their usual step is that within a burst, by which a minute was too short to tell."""
+    time_s, reading, middles = recording(rng, 6, 5.0, 0.003)
+    burst = np.arange(len(time_s)) // 7
+    arrived = np.array([time_s[burst == b].max() for b in range(burst.max() + 1)])[burst]
+    found = rest_segments.find(arrived + 3e-4 * (np.arange(len(time_s)) % 7), reading)
+    assert len(found) == len(middles)
+
+
 def test_a_table_has_a_visit_for_each_stretch(rng: np.random.Generator) -> None:
     time_s, reading, _ = recording(rng, 4, 3.0, 0.003)
     found = rest_segments.find(time_s, reading)

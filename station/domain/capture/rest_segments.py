@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.errors import SamplesError
 
@@ -81,11 +82,16 @@ def _runs(flag: NDArray[np.bool_]) -> Ints:
 
 def _straddles_gap(time_s: Floats, window: int) -> NDArray[np.bool_]:
     """Whether the window from each row on (n − window + 1) holds a pause of the recording, or a clock set back."""
-    apart = np.diff(time_s)
-    step = float(np.median(apart[apart > 0])) if (apart > 0).any() else 0.0
-    gap = (apart > max(GAP_STEPS * step, GAP_S)) | (apart < 0)
+    gap = _pauses(time_s) | (np.diff(time_s) < 0)
     count = np.cumsum(np.r_[0, gap])
     return np.asarray(count[window - 1 :] - count[: len(count) - window + 1] > 0)
+
+
+def _pauses(time_s: Floats) -> NDArray[np.bool_]:
+    """Whether the recording pauses between one reading and the next (n − 1)."""
+    apart = np.diff(time_s)
+    step = float(np.median(apart[apart > 0])) if (apart > 0).any() else 0.0
+    return np.asarray(apart > max(GAP_STEPS * step, GAP_S))
 
 
 def _step_threshold(reading: Floats, still: NDArray[np.bool_], window: int) -> Floats:
@@ -166,9 +172,8 @@ def orientations(directions: Floats) -> Ints:
 
 def _window(time_s: Floats) -> int:
     """Rows of a window: WINDOW_S of them, or MIN_READINGS of a slow recording."""
-    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    if step <= 0 and len(time_s) > 1:  # several readings share a stamp
-        step = float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    rate_hz, _ = rate_of(time_s, ~_pauses(time_s))
+    step = 1 / rate_hz if rate_hz else 0.0
     window = max(round(WINDOW_S / step), MIN_READINGS) if step > 0 else 0
     if window == 0 or len(time_s) < 4 * window:
         least_s = 4 * max(WINDOW_S, MIN_READINGS * step)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Array, Floats
-from station.domain.recognition.sheet import rate_of
 from station.errors import SamplesError
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0}

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Array, Floats
 
 #: Differences of values are whole steps when they miss them by this share of one; by chance they miss by 0.29.
@@ -18,8 +19,6 @@ FLAT_SHARE = 0.5
 MAD = 1.4826
 #: A step below this share of the noise is the last digit of a printed number and none of a converter.
 PRINTED = 1e-3
-#: Stamps are regular when this share of their steps misses a whole number of usual ones by less than this share of one.
-MOSTLY, REGULAR = 0.95, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,28 +53,6 @@ def noise_of(reading: Floats, within: NDArray[np.bool_]) -> Floats:
     # A coarse sensor's differences are mostly 0, or of few sizes: their mean square still tells.
     bound = np.where(robust > 0, 5 * robust, np.inf)
     return np.asarray(np.sqrt(np.mean(np.minimum(np.abs(near), bound) ** 2, axis=0) / 2))
-
-
-def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, float]:
-    """Readings a second, by counts over the spans of the visits, and the scatter (s) of a step about it.
-
-    Steps of more than five usual ones are pauses and count on neither side.
-    """
-    steps = np.diff(time_s)[within]
-    going = steps[steps >= 0]
-    if not len(going) or not (going > 0).any():
-        return None, 0.0
-    usual = float(np.median(going[going > 0]))
-    regular = going[going <= 5 * usual]
-    span = float(regular.sum())
-    if not span > 0:
-        return None, 0.0
-    # Where stamps come at whole steps, the readings that are missing are counted, too.
-    steps = np.round(regular / usual)
-    whole = np.mean(np.abs(regular / usual - steps) < REGULAR) > MOSTLY
-    periods = np.maximum(steps, 1) if whole else np.ones(len(steps))
-    rate = float(periods.sum()) / span
-    return rate, float(np.sqrt(np.mean((regular - periods / rate) ** 2)))
 
 
 def step_of(column: Floats) -> float:
