@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 
 from station.cli._diagnosis_page import html
 from station.cli._hypotheses_text import parameter_line
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.results.diagnosis_document import cause_names
 from station.diagnosis.results.smallest_effect import detectable_length
+from station.diagnosis.search.finding import CauseFinding
 from station.domain.core.types import Labels
 from station.reporting.diagnosis.cause_text import makes_testable
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, FormulaCurve, ReportData
@@ -113,6 +116,19 @@ def test_the_first_picture_shows_the_signature_over_what_the_cause_needs() -> No
     assert {"temperature, °C", "what the cause predicts", "measured, mean of a group ± 95 %"} <= set(words)
 
 
+@pytest.mark.parametrize(("effect", "points"), [("quadratic", 80), ("cubic", 80), ("asymmetry", 5)])
+def test_a_curve_known_at_few_tilts_is_drawn_as_the_polynomial_that_it_is(effect: str, points: int) -> None:
+    """It was five straight pieces; that of |a| is straight."""
+    tilt = np.tile([-1.0, -0.7, 0.0, 0.7, 1.0, 0.7, -0.7, 0.0], 2)
+    course = 1e-3 * {"quadratic": tilt**2, "cubic": tilt**3 - 0.8 * tilt, "asymmetry": np.abs(tilt)}[effect]
+    sign = CauseSignature(effect, np.stack([course, 0 * tilt, 0 * tilt], axis=1))
+    felt = np.stack([tilt, 0 * tilt, 0 * tilt], axis=1)
+    page = build_page(some_data("named", [a_cause(effect)], signatures=(sign,), felt=felt))
+    assert page.lead is not None
+    lines = ET.fromstring(page.lead.svg).iter("{http://www.w3.org/2000/svg}polyline")
+    assert points in [len(line.attrib["points"].split()) for line in lines]
+
+
 def test_a_signature_is_drawn_over_the_axis_that_orders_it() -> None:
     data = some_data("named", [a_cause("index-error", ("position:z-down",))])
     signature, rows = data.signatures[0].values, np.ones(16, bool)
@@ -179,6 +195,21 @@ def test_of_several_causes_the_largest_leads_and_each_has_its_section() -> None:
     assert "on nest N1" in page.sentence
     assert page.sentence.endswith("Another cause was found: cubic.")
     assert {"cause-1", "cause-2"} <= {s.name for s in page.sections}
+
+
+def test_a_cause_that_is_found_in_two_forms_is_said_once() -> None:
+    page = build_page(some_data("incomplete", [a_cause("lever-arm"), a_cause("lever-arm"), a_cause("cubic")]))
+    assert page.sentence.count("Another cause was found: cubic.") == 1
+    assert "lever-arm" not in page.sentence
+    floor = NoiseFloor(1e-4, 0.0, 0.0)
+    found = [
+        CauseFinding(name, None, floor, {}, {}, others, 0.0, 0.0)
+        for name, others in (("lever-arm", ()), ("cubic", ("asymmetry",)), ("lever-arm", ("settling",)))
+    ]
+    assert cause_names(found) == [
+        "lever-arm, twice (or settling: these data cannot tell)",
+        "cubic (or asymmetry: these data cannot tell)",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """A diagnosis as the document `station.diagnosis/1` (docs/formats.md)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from station.diagnosis.results.blind_spots import blind_spot_messages
 from station.diagnosis.results.diagnose import Cause, Diagnosis, calibration_shift, floor_rms, residual_rms
 from station.diagnosis.results.parameter_rows import estimate_rows, gain_document
 from station.diagnosis.results.remaining_residual import remaining_rms
+from station.diagnosis.search.finding import CauseFinding
 from station.messages import render
 
 SCHEMA = "station.diagnosis/1"
@@ -92,15 +93,7 @@ def within_visit_rms(d: Diagnosis) -> float:
 
 def sentence(d: Diagnosis) -> str:
     """The finding in one sentence for a person."""
-    names = [f"{f.effect}, {f.sentence}" for f in d.faults]
-    for c in d.causes:
-        others = (
-            f" (or {', '.join(c.finding.indistinguishable_from)}: these data cannot tell)"
-            if c.finding.indistinguishable_from
-            else ""
-        )
-        names.append(f"{c.finding.name}{others}")
-    found = "; ".join(names)
+    found = "; ".join([*(f"{f.effect}, {f.sentence}" for f in d.faults), *cause_names(c.finding for c in d.causes)])
     rest = " and ".join(d.depends_on)
     by_verdict = {
         "none": " ".join(["The simulation accounts for the data.", *_reservations(d)]),
@@ -109,6 +102,20 @@ def sentence(d: Diagnosis) -> str:
         "unknown": f"Something is wrong that no known cause explains; it depends on {rest}.",
     }
     return by_verdict[d.verdict]
+
+
+def cause_names(findings: Iterable[CauseFinding]) -> list[str]:
+    """Each cause once, with those that it cannot be told from: one of two forms is found twice."""
+    forms: dict[str, list[CauseFinding]] = {}
+    for finding in findings:
+        forms.setdefault(finding.name, []).append(finding)
+    return [_cause_name(name, found) for name, found in forms.items()]
+
+
+def _cause_name(name: str, found: Sequence[CauseFinding]) -> str:
+    others = [other for other in dict.fromkeys(o for f in found for o in f.indistinguishable_from) if other != name]
+    alike = f" (or {', '.join(others)}: these data cannot tell)" if others else ""
+    return f"{name}{', twice' if len(found) > 1 else ''}{alike}"
 
 
 def _reservations(d: Diagnosis) -> list[str]:

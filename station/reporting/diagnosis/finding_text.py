@@ -57,7 +57,7 @@ def _unknown(data: ReportData) -> FirstScreen:
 
 def _cause_screen(data: ReportData) -> FirstScreen:
     cause = leading_cause(data)
-    also = [c["effect"] for c in data.causes if c is not cause]
+    also = list(dict.fromkeys(c["effect"] for c in data.causes if c["effect"] != cause["effect"]))
     parts = [f"{describe_cause(cause)}.", describe_size(cause, data), *describe_cost(cause, data)]
     if also:
         parts.append(report_text("finding-more", count=len(also), names=also))

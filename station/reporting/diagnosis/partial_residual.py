@@ -17,6 +17,8 @@ from station.reporting.drawing.figure import Figure, Series, panels, svg
 
 #: Groups that the points of a numeric axis are averaged in, steps of the curve, and single points drawn.
 GROUPS, CURVE_STEPS, MAX_POINTS = 12, 80, 300
+#: A curve is a polynomial of at most this degree where it misses it by less than this share of its range.
+MOST_DEGREE, SAME_COURSE = 3, 0.02
 #: Causes whose like in a calibration is left out of the picture: only their bend is anything new.
 _BENDS = ("input", "input-product", "temperature-input")
 #: Axes beside which the cause has another: points are its mean course there, and what is left.
@@ -117,7 +119,21 @@ def _curve(axis: CauseAxis, c: Course) -> Series:
     groups = _groups(c.at, len(c.at) if c.single else len(axis.places) or CURVE_STEPS)
     at, predicted = groups.mean(c.at), groups.mean(c.cause)
     kind: Literal["dashes", "line"] = "dashes" if axis.places or c.single else "line"
+    if kind == "line":
+        at, predicted = _between(at, predicted)
     return Series(at.tolist(), predicted.tolist(), report_text("legend-cause"), kind=kind, colour=1)
+
+
+def _between(at: Floats, value: Floats) -> tuple[Floats, Floats]:
+    """A course known at rising places (n), drawn between few of them as the polynomial that it is; as it came where it
+    is none, as that of |a|, which breaks at 0."""
+    middle, half, size = float(at.mean()), float(np.ptp(at)) / 2, float(np.ptp(value))
+    fine = np.linspace(at[0], at[-1], CURVE_STEPS)
+    for degree in range(2, min(MOST_DEGREE, len(at) - 2) + 1):
+        course = np.polynomial.Polynomial.fit(at, value, degree, domain=[middle - half, middle + half])
+        if np.abs(course(at) - value).max() < SAME_COURSE * size:
+            return fine, np.asarray(course(fine))
+    return at, value
 
 
 def _grouped(axis: CauseAxis, c: Course, noise: float) -> Series:
