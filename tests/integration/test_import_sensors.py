@@ -190,6 +190,7 @@ def test_a_list_of_turn_rates_is_no_list_of_poses(rng: np.random.Generator, tmp_
         (b"ULog\x01\x12\x35", "a PX4 log"),
         (b"\xa3\x95\x80", "an ArduPilot log"),
         (b"\x1f\x8b\x08", "a compressed file"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:7d72\n", "a Git LFS pointer"),
     ],
 )
 def test_recordings_of_other_programs_are_named_with_what_to_do(tmp_path: Path, beginning: bytes, said: str) -> None:
@@ -346,3 +347,60 @@ def test_degrees_that_no_header_states_are_said_to_be_inferred(
     rows = np.c_[np.arange(len(y)) / 100, y, np.linspace(68, 86, len(y))]
     np.savetxt(path, rows, "%.5f", ",", header=f"t,ax,ay,az,{head}", comments="", encoding="utf-8")
     assert ("temperature" in understood(capsys, str(path))["inferred"]) != stated
+
+
+def turned_slowly(rng: np.random.Generator, rate_hz: int) -> Floats:
+    """Gravity (n, 3) in a unit that a hand turns all round without a rest, a quarter turn in some three seconds."""
+    about = np.cumsum(rng.standard_normal((60, 3)), axis=0)
+    way = np.stack([np.interp(np.arange(120 * rate_hz) / rate_hz, 2.0 * np.arange(60), a) for a in about.T], axis=1)
+    first, second, third = way.T
+    along = np.stack([np.sin(first) * np.cos(second), np.sin(first) * np.sin(second + third), np.cos(first)], axis=1)
+    return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
+
+
+def test_an_accelerometer_turned_slowly_is_read_on_its_way(rng: np.random.Generator, tmp_path: Path) -> None:
+    """It was refused; and where parts of the turn are quieter than the rest of it they are no rests."""
+    path, out, answer = tmp_path / "turned.csv", tmp_path / "turned.parquet", tmp_path / "answer.json"
+    offset_g, gain = np.array([0.02, -0.03, 0.05]), np.array([1.02, 0.98, 1.01])
+    reading = turned_slowly(rng, 50) * gain + offset_g + 0.004 * rng.standard_normal((6000, 3))
+    rows = np.c_[np.arange(6000) / 50, 9.80665 * reading]
+    np.savetxt(path, rows, "%.5f", ",", header="t,ax,ay,az", comments="")
+    done = captured("import", path, "--out", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "was read while it was being turned" in done.stdout.replace("\n    ", " ")
+    done = captured("calibrate", "--samples", out, "--recipe", "hand-held", "--json", answer)
+    assert (done.returncode, done.stderr) == (0, "")
+    (unit,) = json.loads(answer.read_text())["units"]
+    assert unit["offset"] == pytest.approx(offset_g, abs=0.002)
+    assert np.diagonal(unit["matrix"]) == pytest.approx(gain, abs=0.005)
+
+
+def test_driving_is_told_as_such_and_gravity_is_no_offset(rng: np.random.Generator, tmp_path: Path) -> None:
+    """Smooth accelerations draw a small sphere about gravity, which was taken for an offset in an unknown unit."""
+    path = tmp_path / "drive.csv"
+    pushes = [np.interp(np.arange(6000) / 50, 0.7 * np.arange(172), rng.standard_normal(172)) for _ in "xyz"]
+    reading = [0, 0, 9.81] + 1.5 * np.stack(pushes, axis=1) + 0.1 * rng.standard_normal((6000, 3))
+    np.savetxt(path, np.c_[np.arange(6000) / 50, reading], "%.4f", ",", header="t,ax,ay,az", comments="")
+    done = captured("import", path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{path}: " in done.stderr
+    assert "driving" in done.stderr
+
+
+def test_a_list_of_six_means_is_a_pose_a_row(tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "means.csv"
+    rows = np.vstack([np.eye(3), -np.eye(3)]) + np.array([0.1, 0.05, -0.25])
+    np.savetxt(path, rows, "%.4f", ",", header="x_mean (g),y_mean (g),z_mean (g)", comments="")
+    check(understood(capsys, str(path)), visits=6, visits_by="readings", reading_unit="g")
+    check(understood(capsys, str(path), "--recipe", "six-point"), visits=6)
+
+
+def test_turn_rates_in_counts_about_a_converters_middle_are_asked_for(rng: np.random.Generator, tmp_path: Path) -> None:
+    path = tmp_path / "omega.csv"
+    turns = np.repeat(np.sin(np.arange(200))[:, None] * [9000, 4000, 2000] * (np.arange(200) % 2)[:, None], 100, axis=0)
+    reading = np.round(32768 + turns + rng.normal(0, 25, (20000, 3)))
+    np.savetxt(path, np.c_[np.arange(20000) / 100, reading], "%.6g", ",", header="t,gx,gy,gz", comments="")
+    done = captured("import", path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "State --zero" in done.stderr
+    assert captured("import", path, "--zero", "32768", "--scale", "0.06").returncode == 0

@@ -21,6 +21,7 @@ _BEGINNINGS: tuple[tuple[bytes, str, str], ...] = (
     (b"7z\xbc\xaf", "kind-archive", "remedy-unpack"),
     (b"Rar!", "kind-archive", "remedy-unpack"),
     (b"%PDF-", "kind-document", "remedy-export"),
+    (b"version https://git-lfs.github.com/", "kind-lfs-pointer", "remedy-lfs-pull"),
 )
 
 

@@ -161,6 +161,10 @@ def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitSca
         # A compass lies off its centre by any hard iron, and its counts are of no known size.
         return UnitScale(*fits[0]) if fits else UnitScale("LSB", USUAL_FIELD_UT / radius, exact=False)
     off_centre = float(np.abs(centre).max()) > FAR_OFF * radius
+    if off_centre and np.ptp(centre) > radius:
+        # No sensor is off like that on one axis: the unit was driven or hardly turned, and gravity is the centre.
+        centre, radius, off_centre = np.zeros(3), float(np.median(np.linalg.norm(means, axis=1))), False
+        fits = [(unit, factor) for unit, factor in usual if low <= radius * factor <= high]
     if fits and not off_centre and not (whole and _counts(radius) and radius > LEAST_COUNTS):
         return UnitScale(*fits[0])
     bits = _counts(radius) if whole or radius > LEAST_COUNTS else 0

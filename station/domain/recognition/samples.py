@@ -21,6 +21,10 @@ from station.messages import Message
 LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
 #: Nor is one that rests for less than this share and comes back to one orientation every time.
 LEAST_REST_IN_ONE = 0.9
+#: Or in few orientations with a magnitude that ranges over this share of itself: something pushed the unit.
+PUSHED = 0.1
+#: No sensor that is turned by a fixture or a hand reads more, deg/s.
+FASTEST_DEG_S = 5000.0
 #: Gravity shows in an accelerometer at rest as at least so much, g, whatever its offset.
 LEAST_GRAVITY_G = 0.3
 #: An acceleration of unknown scale that scatters by this share of its own size at rest, or from rest to rest, is not
@@ -29,10 +33,14 @@ LOUD = 0.1
 _WITHOUT_GRAVITY = re.compile(r"linear|user|free", re.IGNORECASE)
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
 WILD = 0.2
+#: Nor does a stretch rest whose last quarter is this share away from its first: six degrees.
+TURNS = 0.1
 #: Without stamps the rate may be so many times slower; believed where so many times more orientations rest then.
 SLOWER, MANY_MORE = (2.0, 4.0), 1.4
 #: Neighbours nearer than this, g, are no poses of a list but a turn that was read on its way.
 IN_MOTION_G = 0.1
+#: Acceleration that stays this near to one ellipsoid, of its size, is gravity in a hand that turns slowly.
+SLOWLY = 0.02
 #: Readings that are a pose each: more than so many tell no more.
 MOST_POSES = 500
 #: Runs are counted in 32 bits.
@@ -110,18 +118,30 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
         if _swept(recording, edges):
             return _a_reading_each(recording)
     except SamplesError:
-        # Gravity shows in a reading only while the hand rests; a magnetometer's field does at any time.
-        listed = recording.unit == "uT" or (recording.clock.unit == "none" and recording.unit != "deg/s")
-        if not listed or not visits.is_pose_each(recording.reading):
+        if not _is_listed(recording):
             raise
         return _a_reading_each(recording)
     return Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
 
 
+def _is_listed(recording: Recording) -> bool:
+    """Whether each reading is a pose, as without stamps it may be. A magnetometer's field shows at any time; gravity
+    while the hand rests, or turns so slowly that what it adds itself is small."""
+    reading, unstamped = recording.reading, recording.clock.unit == "none"
+    if recording.unit == "deg/s":
+        return False
+    if unstamped and visits.is_row_a_pose(reading):
+        return True
+    slowly = recording.unit == "uT" or unstamped or visits.off_ellipsoid(reading) < SLOWLY
+    return slowly and visits.is_pose_each(reading)
+
+
 def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:
-    """Whether a compass was turned all round with a stop here and there: motion does not spoil its readings."""
+    """Whether a unit was turned all round with a stop here and there: motion does not spoil a compass's readings, nor,
+    where it is slow, those of an accelerometer that rested in too few poses."""
     rests = float((edges[:, 1] - edges[:, 0]).sum()) >= LEAST_REST * len(recording)
-    return recording.unit == "uT" and not rests and visits.is_pose_each(recording.reading)
+    few = recording.unit == "uT" or _orientations(recording, edges) < visits.LEAST_POSES
+    return not rests and few and _is_listed(recording)
 
 
 def _a_reading_each(recording: Recording) -> Visits:
@@ -141,12 +161,20 @@ def _rest(recording: Recording) -> NDArray[np.int64]:
     with naming_file(recording.source):
         edges = _edges(recording)
     if recording.unit == "deg/s":
+        _check_turn_rate(recording, edges)
         return edges
     if recording.unit == "g" and len(edges):
         _check_gravity_shows(recording, edges)
     size = float(np.median(np.linalg.norm(recording.reading, axis=1)))
-    quiet = [float(np.linalg.norm(recording.reading[a:b].std(axis=0))) < WILD * size for a, b in edges]
-    return np.asarray(edges[np.array(quiet, bool)])
+    rests = [_rests(recording.reading[a:b], size) for a, b in edges]
+    return np.asarray(edges[np.array(rests, bool)])
+
+
+def _rests(reading: Floats, size: float) -> bool:
+    """Whether a stretch (n, 3) that is quiet beside the rest of its recording rests beside what it measures, too."""
+    quarter = max(len(reading) // 4, 1)
+    turned = np.linalg.norm(reading[-quarter:].mean(axis=0) - reading[:quarter].mean(axis=0))
+    return bool(np.linalg.norm(reading.std(axis=0)) < WILD * size and turned < TURNS * size)
 
 
 def _edges(recording: Recording) -> NDArray[np.int64]:
@@ -181,9 +209,20 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     if len(edges) == 1 and share >= LEAST_REST:
         raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
     poses = int(rest_segments.orientations(means).max()) + 1
+    lengths = np.linalg.norm(means, axis=1)
+    pushed = recording.unit == "g" and poses < visits.LEAST_POSES and np.ptp(lengths) > PUSHED * size
     comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
-    if comes_back or (share < LEAST_REST and poses < LEAST_ORIENTATIONS):
+    if comes_back or (share < LEAST_REST and (poses < LEAST_ORIENTATIONS or pushed)):
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
+
+
+def _check_turn_rate(recording: Recording, edges: NDArray[np.int64]) -> None:
+    """Errors: SamplesError where numbers of no stated unit are larger at rest than any turn rate: they are counts."""
+    if not recording.scale.inferred or not len(edges):
+        return
+    size = max(float(np.abs(np.median(recording.reading[a:b], axis=0)).max()) for a, b in edges)
+    if size > FASTEST_DEG_S:
+        raise SamplesError("turn-rate-in-counts", file=recording.source, size=size)
 
 
 def _check_gravity_shows(recording: Recording, edges: NDArray[np.int64]) -> None:

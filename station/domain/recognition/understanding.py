@@ -74,10 +74,11 @@ def _quiet_seconds(r: Recording) -> Array:
 
 
 def _centre(means: Floats, unit: str) -> Floats:
-    """The middle (3) of means (k, 3), about which they are as long as what is measured: zero but for a compass turned
-    all round, whose offset may be larger than the field."""
+    """The middle (3) of means (k, 3), about which they are as long as what is measured: zero but for what is turned all
+    round. Of a compass it may be farther off than the field is large; of an accelerometer such a middle is gravity."""
     wide = unit != "deg/s" and np.ptp(means, axis=0).max() > LEAST_TURN * np.median(np.linalg.norm(means, axis=1))
-    return sphere(means)[0] if wide else np.zeros(3)
+    centre, radius = sphere(means) if wide else (np.zeros(3), 1.0)
+    return centre if unit == "uT" or np.linalg.norm(centre) < radius else np.zeros(3)
 
 
 def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:

@@ -18,6 +18,9 @@ ON_GRID = 0.95
 LEAST_BLOCK, LEAST_BLOCKS = 8, 6
 #: Readings of a pose each: at least so many, in so many orientations, this near to one ellipsoid, of its size.
 LEAST_READINGS, LEAST_POSES, NEAR_ELLIPSOID = 12, 9, 0.1
+#: A list of a row a pose that is too short for one has at least so many rows, the longest at most so many times the
+#: shortest: offsets may be half of gravity.
+LEAST_ROWS, LONGEST_ROW = 4, 3.0
 #: Its longest axis is at most so many times its shortest: a circle that is turned in one plane lies on many.
 LONGEST_AXIS = 8.0
 #: So many readings show an ellipsoid.
@@ -79,6 +82,16 @@ def is_pose_each(reading: Floats) -> bool:
         return False
     poses = int(rest_segments.orientations(found).max()) + 1
     return _off(found) < NEAR_ELLIPSOID and poses >= LEAST_POSES and spans(found, np.zeros(3), 1.0)
+
+
+def is_row_a_pose(reading: Floats) -> bool:
+    """Whether readings (n, 3), too few for an ellipsoid, are of one size in as many orientations, as a list of means
+    is."""
+    size = np.linalg.norm(reading, axis=1)
+    if not LEAST_ROWS <= len(reading) < LEAST_READINGS or not size.min() > 0:
+        return False
+    poses = int(rest_segments.orientations(reading).max()) + 1
+    return poses == len(reading) and bool(size.max() < LONGEST_ROW * size.min())
 
 
 def off_ellipsoid(reading: Floats) -> float:
