@@ -11,7 +11,7 @@ from station.cli.app import main
 from station.diagnosis.candidates import solve as solving
 from station.diagnosis.candidates.bank import build_bank
 from station.diagnosis.candidates.projected_bank import project_bank, visible_candidates
-from station.diagnosis.data.faults import matched_spectrum, spectral_lines
+from station.diagnosis.data.faults import spectral_lines
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
 from station.diagnosis.search.candidate_banks import build_banks
@@ -78,7 +78,7 @@ def test_a_basis_is_one_however_near_its_columns_are(apart: float) -> None:
         assert logdet == pytest.approx(expected, rel=1e-5 if apart < 1e-3 else 1e-11)
 
 
-def test_medians_of_many_windows_and_blocks_are_those_of_each() -> None:
+def test_medians_of_many_windows_are_those_of_each() -> None:
     rng = np.random.default_rng(2)
     values = rng.exponential(size=(60, 3))
     far = np.abs(np.arange(60)[:, None] - np.arange(60))
@@ -87,8 +87,6 @@ def test_medians_of_many_windows_and_blocks_are_those_of_each() -> None:
     found = spectral_lines._medians(values, near)
     each = [np.median(values[n], axis=0) if n.any() else np.full(3, np.inf) for n in near]
     np.testing.assert_array_equal(found, each)
-    blocks = [np.full(len(some), np.median(some)) for some in np.array_split(values[:, 0], 7)]
-    np.testing.assert_array_equal(matched_spectrum._block_medians(values[:, 0], 7), np.concatenate(blocks))
 
 
 @pytest.mark.parametrize(("before", "after"), [(None, "1"), ("3", "3")])

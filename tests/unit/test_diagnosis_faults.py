@@ -1,11 +1,14 @@
 """Gross faults: each made by hand in a small table, found with the right number, and not found where it is not."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from station.diagnosis.data.faults import GrossFault, inspect
+from station.diagnosis.data.faults.phase_agreement import PhaseAgreement
+from station.diagnosis.data.faults.white_dwells import TransientFilter, WhiteDwells
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
@@ -243,12 +246,54 @@ def test_an_axis_noisier_than_the_others_is_no_tone(seed: int) -> None:
     assert not inspect(recipe(), replace(made, reading=loud)).faults
 
 
+#: What a sample keeps of those before it: falling noise, and a resonance at a sixth of the rate.
+COLOURS = {"falling": (0.7, 0.0), "ringing": (0.9, -0.81)}
+
+
+def coloured(colour: str, visits: int, seed: int) -> Any:
+    """Noise of a colour (v, 25, 3), each visit anew, of one standard deviation."""
+    noise, (one, two) = np.random.default_rng(seed).standard_normal((visits, 65, 3)), COLOURS[colour]
+    for i in range(2, noise.shape[1]):
+        noise[:, i] += one * noise[:, i - 1] + two * noise[:, i - 2]
+    return noise[:, 40:] / np.std(noise[:, 40:])
+
+
+@pytest.mark.parametrize("colour", COLOURS)
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_of_any_colour_is_no_tone(seed: int) -> None:
-    """At the lower end of a spectrum that falls, all around a frequency is lower than it."""
-    kept, noise = 0.7, np.random.default_rng(seed).standard_normal((96, 25, 3))
-    for i in range(1, 25):
-        noise[:, i] = kept * noise[:, i - 1] + np.sqrt(1 - kept**2) * noise[:, i]
-    coloured, _ = hide(recipe(1), None, seed)
-    coloured = replace(coloured, reading=coloured.reading + 5e-4 * noise.reshape(-1, 3))
-    assert "motor-tone" not in found(coloured, recipe(1))
+def test_noise_of_any_colour_is_no_tone(seed: int, colour: str) -> None:
+    """At the lower end of a spectrum that falls, all around a frequency is lower than it; where noise rings, a line
+    stands in it at any drive."""
+    made, _ = hide(recipe(1), None, seed)
+    made = replace(made, reading=made.reading + 5e-4 * coloured(colour, 96, seed).reshape(-1, 3))
+    assert "motor-tone" not in found(made, recipe(1))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("in_step", [True, False])
+def test_a_hum_as_loud_at_any_drive_is_no_tone_of_the_motors(seed: int, in_step: bool) -> None:
+    made, _ = hide(recipe(1), None, seed)
+    rng = np.random.default_rng(seed)
+    phase = np.repeat(rng.uniform(0, 2 * np.pi, len(made) // 25), 0 if in_step else 25)
+    hum = np.sin(2 * np.pi * 7.3 * (made.time_s + made.values["started_s"]) + (phase if len(phase) else 0.0))
+    made = replace(made, reading=made.reading + 5e-4 * hum[:, None] * np.array([0.3, 1.0, 0.5]))
+    assert "motor-tone" not in found(made, recipe(1))
+
+
+@pytest.mark.parametrize("colour", COLOURS)
+def test_noise_of_any_colour_agrees_in_phase_by_the_sum_of_three_exponentials(colour: str) -> None:
+    visits, sets = 24, 60
+    rng = np.random.default_rng(5)
+    start = 4.0 * np.arange(visits)[:, None]
+    curve = np.ones((visits, 25, 4))
+    agreed = []
+    for seed in range(sets):
+        dwells = WhiteDwells(
+            coloured(colour, visits, seed), np.zeros((visits, 25, 3)), start + np.arange(25) / 25,
+            rng.uniform(0, 1, visits), 25.0, TransientFilter(curve, np.zeros((visits, 3)), ()),
+        )  # fmt: skip
+        agreement = PhaseAgreement(dwells, np.inf)
+        agreed += [agreement.at(f) for f in (2.3, 4.2, 7.7, 11.1)]
+    # Gamma's mean and variance are three; the standard error of the variance by its fourth moment, 3·3² + 6·3.
+    count = len(agreed)
+    assert np.mean(agreed) == pytest.approx(3, abs=4 * np.sqrt(3 / count))
+    assert np.var(agreed) == pytest.approx(3, abs=4 * np.sqrt((45 - 9) / count))

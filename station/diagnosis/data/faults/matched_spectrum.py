@@ -2,27 +2,28 @@
 
 A motor that keeps its speed keeps the phase of its tone from dwell to dwell. All samples are then one record with
 gaps, whose spectrum is so much finer than a dwell's as the campaign is longer, and the tone's power adds up in one
-line of it. Where the campaign is longer than one transform, stretches of it add up in power.
+line of it. Where the campaign is longer than one transform, stretches of it add up in power. The record's samples are
+placed on a grid, and its background lies between the frequencies of the dwells' spectrum: what is found here is only
+promising, and judged by `phase_agreement.py` at the samples' own times.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from station.diagnosis.data.faults.phase_agreement import LEAST_DWELLS, agreement, chance
 from station.domain.core.types import Floats
 
 #: Points of the record for each sample period: what a stamp is rounded by turns the fastest tone by ±.63 rad.
 POINTS_PER_PERIOD = 2.5
 #: Points of one transform at the most.
 MAX_POINTS = 1 << 20
-#: Lines whose median is the background of each of them.
-BACKGROUND_LINES = 512
 #: Lines that one tone may show: the gaps between dwells copy it, and it lies between two of them.
 NEAR_LINES = 24
-#: Chance of any line in noise.
-FALSE_LINES = 1e-3
+#: Chance, about, of any line in noise from which on it is looked at exactly.
+PROMISING_LINES = 1e-3
 
 
 class MatchedSpectrum:
@@ -56,41 +57,27 @@ class MatchedSpectrum:
         """From one line to the next."""
         return float(1 / (self.points * self.step_s))
 
-    def lines(self) -> tuple[Floats, float] | None:
-        """Frequencies, Hz, of the strongest lines, among which a tone is, and by how many nats it is beyond chance;
-        None where none is."""
+    def lines(self, noise: Callable[[Floats], Floats], dwells: float) -> tuple[Floats, float, float] | None:
+        """Frequencies, Hz, of the strongest lines, among which a tone may be; by how many nats the dwells agree at the
+        first, and how many lines there are; None where chance would show such a line. noise: mean power (n, 3) of a
+        dwell at frequencies (n), a tone's own included; dwells: how many count, by their weight."""
         used = self._weight > 0
-        if not used.any():
-            return None
-        power = np.zeros(self.points // 2 + 1)
-        for record, weight in zip(self._records(used), self._weight[used], strict=True):
-            power += np.sum(np.abs(scipy.fft.rfft(record)) ** 2, axis=0) / weight
-        frequency = np.arange(len(power)) * self.resolution_hz
+        frequency = np.arange(self.points // 2 + 1) * self.resolution_hz
         band = (frequency > self.lowest_hz) & (frequency < 0.5 * self.rate_hz)
-        if np.count_nonzero(band) < BACKGROUND_LINES:
+        if not used.any() or not band.any():
             return None
-        found, shape = power[band], 3.0 * np.count_nonzero(used)
-        usual = float(scipy.special.gammaincinv(shape, 0.5))
-        background = _block_medians(found, len(found) // BACKGROUND_LINES)
-        level = found / np.maximum(background, 1e-300) * usual
-        best = int(level.argmax())
-        tried = float(np.count_nonzero(band))
-        chance = float(scipy.special.gammaincc(shape, level[best])) * tried
-        if chance > FALSE_LINES:
+        usual, found = np.maximum(noise(frequency[band]).T, 1e-300), np.zeros(np.count_nonzero(band))
+        for record, weight in zip(self._records(used), self._weight[used], strict=True):
+            share = np.abs(scipy.fft.rfft(record)[:, band]) ** 2 / (weight * usual)
+            counted = max(dwells * weight / self._weight.sum(), LEAST_DWELLS)
+            found += np.sum(agreement(share / counted, counted), axis=0)
+        best, tried = float(found.max()), float(len(found))
+        if chance(best, 3.0 * np.count_nonzero(used)) * tried > PROMISING_LINES:
             return None
-        strongest = np.asarray(frequency[band][np.argsort(level)[-NEAR_LINES:]], float)
-        return strongest, float(level[best] - usual - np.log(tried))
+        return np.asarray(frequency[band][np.argsort(found)[-NEAR_LINES:]], float), best, tried
 
     def _records(self, used: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
         """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
         for i in np.flatnonzero(used).tolist():
             here, values = (np.concatenate(parts) for parts in zip(*self._samples[i], strict=True))
             yield np.stack([np.bincount(here, column, self.points) for column in values.T]).astype(np.float32)
-
-
-def _block_medians(values: Floats, blocks: int) -> Floats:
-    """The median (n) of the block of each of some values (n), in so many blocks; the first are longer by one."""
-    size, longer = divmod(len(values), blocks)
-    cut = longer * (size + 1)
-    parts = values[:cut].reshape(longer, size + 1), values[cut:].reshape(blocks - longer, size)
-    return np.concatenate([np.repeat(np.median(part, axis=1), part.shape[1]) for part in parts])

@@ -6,7 +6,8 @@ phases are followed over the whole campaign, which fixes frequency, amplitude an
 shows at its alias. Where the phases do not hold from stop to stop, amplitudes come from the powers alone
 (`tone_power.py`). What dies away after each arrival is taken off first, and a line that the second half of the dwells
 does not hold is none: it keeps step with the moves, a tone with the motors. Tones far below the noise of a dwell show
-in the spectrum of all dwells together (`matched_spectrum.py`).
+in the spectrum of all dwells together (`matched_spectrum.py`), where the dwells must agree in phase beyond what any
+noise does (`phase_agreement.py`).
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault, block_gain, halves_of
+from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
 from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING
 from station.diagnosis.data.faults.tone_power import TonePower, power_per_visit
 from station.diagnosis.data.faults.tone_search import ToneExtent, ToneSearch, power
@@ -23,6 +25,8 @@ from station.diagnosis.data.faults.white_dwells import WhiteDwells, white_dwells
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
+#: Chance of any tone in noise, over all lines that were tried.
+FALSE_TONES = 1e-4
 #: What the second half of a dwell may hold less of a tone, in standard deviations, and the least share that it must.
 LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
 
@@ -39,13 +43,21 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         return []
     d, sigma = white_dwells(table, stop, rate_hz)
     if line.resolution_hz is None:
-        frequency = _refine_frequency(d, float(line.frequency_hz[0]))
+        agreement = PhaseAgreement(d, np.inf)
+        grown = agreement.power_follows_drive(float(line.frequency_hz[0]))
+        if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES:
+            return []
+        frequency, nats = _refine_frequency(d, float(line.frequency_hz[0])), line.nats
     else:
-        frequency = _nearest_tone(d, line.frequency_hz, line.resolution_hz)
+        agreement = PhaseAgreement(d, 1 / line.resolution_hz)
+        frequency, nats = _most_agreed(agreement, line.frequency_hz, line.resolution_hz)
+        if chance(nats, agreement.terms) * line.tried > FALSE_TONES or not agreement.follows_drive(frequency):
+            return []
+        nats -= float(np.log(line.tried))
     tone = _tone(d, frequency)
     if not tone.lasts(d):
         return []
-    fault = _fault(tone, d, sigma, line.nats, recipe)
+    fault = _fault(tone, d, sigma, nats, recipe)
     return [] if fault.rejected else [fault]
 
 
@@ -131,14 +143,13 @@ class Tone:
         return block_gain(scores, counts, "sample")
 
 
-def _nearest_tone(d: WhiteDwells, lines_hz: Floats, resolution_hz: float) -> float:
-    """The frequency near one of some lines that has the largest amplitude, all samples at their own times."""
-    step = resolution_hz * np.arange(-1, 1.01, 0.25)
-    live, weight = d.live, np.broadcast_to(d.motor[:, None], d.live.shape)
-    t, y = (d.time_s - d.time_s[live].mean())[live], (d.white * weight[..., None])[live]
-    tried = (lines_hz[:, None] + step).ravel()
-    power = [float(np.sum(np.abs(np.exp(-2j * np.pi * f * t) @ y) ** 2)) for f in tried]
-    return float(tried[int(np.argmax(power))])
+def _most_agreed(agreement: PhaseAgreement, lines_hz: Floats, resolution_hz: float) -> tuple[float, float]:
+    """The frequency near one of some lines on which the dwells agree most, all samples at their own times, and by how
+    many nats."""
+    tried = (lines_hz[:, None] + resolution_hz * np.arange(-1, 1.01, 0.25)).ravel().tolist()
+    found = [agreement.at(f) for f in tried]
+    best = int(np.argmax(found))
+    return tried[best], found[best]
 
 
 def _tone(d: WhiteDwells, frequency_hz: float) -> Tone:

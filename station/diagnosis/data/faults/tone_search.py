@@ -66,11 +66,12 @@ class ToneExtent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToneLine:
-    """A line that stands out, by so many nats: at one frequency, Hz, or near one of several, resolution_hz apart, if
-    the phases hold from stop to stop."""
+    """A line that stands out, by so many nats, of so many tried: at one frequency, Hz, or near one of several,
+    resolution_hz apart, if the phases hold from stop to stop."""
 
     frequency_hz: Floats
     nats: float
+    tried: float
     resolution_hz: float | None
 
 
@@ -98,14 +99,20 @@ class ToneSearch:
 
     def strongest(self) -> ToneLine | None:
         """The line that stands out the most; None where none does."""
-        mean = self._power / max(self._weight, 1e-300)
-        gains = line_gains(PowerSpectrum(mean, self._weight**2 / max(self._squares, 1e-300)))
+        mean, tried = self._power / max(self._weight, 1e-300), float(len(self.tried))
+        stops = self._weight**2 / max(self._squares, 1e-300)
+        gains = line_gains(PowerSpectrum(mean, stops))
         best = int(gains.argmax())
-        coherent = self._matched.lines()
-        significant = gains[best] >= MIN_GAIN_NATS + np.log(len(self.tried))
-        if coherent is not None and not (significant and gains[best] > coherent[1]):
-            return ToneLine(coherent[0], coherent[1], self._matched.resolution_hz)
-        return ToneLine(self.tried[best : best + 1], float(gains[best]), None) if significant else None
+        coherent = self._matched.lines(lambda frequency_hz: _between(self.tried, mean, frequency_hz), stops)
+        significant = gains[best] >= MIN_GAIN_NATS + np.log(tried)
+        if coherent is not None and not (significant and gains[best] > coherent[1] - np.log(coherent[2])):
+            return ToneLine(*coherent, self._matched.resolution_hz)
+        return ToneLine(self.tried[best : best + 1], float(gains[best]), tried, None) if significant else None
+
+
+def _between(tried_hz: Floats, power: Floats, frequency_hz: Floats) -> Floats:
+    """Powers (f, 3) of some frequencies at others (n): (n, 3)."""
+    return np.stack([np.interp(frequency_hz, tried_hz, column) for column in power.T], axis=1)
 
 
 def power(d: WhiteDwells, tried: Floats) -> Floats:
