@@ -10,7 +10,7 @@ from station.config.models import load_model
 from station.errors import UsageError
 from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
-from station.model.formula.effect_file import NAME, SizeMet, effect_source
+from station.model.formula.effect_file import NAME, SizeMet, effect_source, is_reserved
 from station.model.formula.text import formula_text
 from station.model.model_file import EFFECTS, ModelEffect, formula_size
 from station.model.pooling import FoundFormula, PooledFormula, pool
@@ -22,6 +22,8 @@ def write_hypothesis(name: str, models: Sequence[Path], formula: str, into: Path
         raise UsageError("hypothesis-without-model")
     if not NAME.fullmatch(name):
         raise UsageError("hypothesis-name", name=name[:40])
+    if is_reserved(name):
+        raise UsageError("hypothesis-name-reserved", name=name)
     if name in plugins.names(EFFECTS):
         raise UsageError("hypothesis-name-taken", name=name)
     folder = Path(station.model.effects.__path__[0]) if into is None else into

@@ -1,8 +1,10 @@
 """A formula written as an effect file: it does what the tree does, reads like the others, and refuses bad names."""
 
+import ast
 import dataclasses
 import doctest
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -14,7 +16,7 @@ import pytest
 from station.cli.app import main
 from station.model.campaign import scene_of_plan
 from station.model.effect import PoseEffect, SensorEffect
-from station.model.formula.effect_file import SizeMet, class_name, effect_source
+from station.model.formula.effect_file import SizeMet, class_name, effect_source, is_reserved
 from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of
 from station.model.forward import ActiveEffect, BaseResponse, forward
@@ -73,6 +75,17 @@ def test_the_file_does_what_the_tree_does(term: Term, tmp_path: Path) -> None:
     assert theirs.physics.endswith(".") and 20 < len(theirs.physics) <= 120
 
 
+def test_no_effect_takes_the_name_of_a_class_that_its_file_imports() -> None:
+    for term in ALL[::13]:
+        lines = effect_source(term, "found-law", SizeMet.once(1e-3), "found in data 00ff").splitlines()
+        imports = "\n".join(
+            line.removeprefix(">>> ") for line in lines if " import " in line and "import np" not in line
+        )
+        names = [alias.name for node in ast.walk(ast.parse(imports)) for alias in getattr(node, "names", ())]
+        words = [re.sub(r"(?<=[a-z])(?=[A-Z])", "-", name).lower() for name in names if name[0].isupper()]
+        assert len(words) >= 2 and all(map(is_reserved, words))
+
+
 def test_a_model_file_becomes_an_effect_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = tmp_path / "model.yaml"
     model.write_text(MODEL, encoding="utf-8")
@@ -123,6 +136,10 @@ def test_a_formula_edited_by_hand_is_refused_with_its_place(
         (["--write-hypothesis", "new"], "needs the model file"),
         (["--write-hypothesis", "../evil", "--model", "MODEL"], "is no name of an effect"),
         (["--write-hypothesis", "cubic", "--model", "MODEL"], "There is an effect cubic already"),
+        *(
+            (["--write-hypothesis", name, "--model", "MODEL"], f"{name} stands for something else")
+            for name in ("none", "lambda", "signal", "exception", "simple-namespace", "formula-12")
+        ),
         (["--write-hypothesis", "new", "--model", "MODEL", "--formula", "formula-7"], "say which with --formula"),
     ],
 )

@@ -1,5 +1,7 @@
 """A term written as an effect file in the form of the others, from its tree: no text of anybody is ever run."""
 
+import builtins
+import keyword
 import re
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
@@ -18,6 +20,9 @@ from station.model.scene import Scene, Signal
 
 #: A name of an effect: words of small letters and digits, joined by hyphens.
 NAME = re.compile(r"[a-z][a-z0-9]{0,30}(-[a-z0-9]{1,30}){0,5}")
+#: Classes that the files import, and names that the station gives to formulas.
+IMPORTED = ("Floats", "Parameter", "PoseEffect", "Scene", "SensorEffect", "Signal", "SimpleNamespace")
+NUMBERED = re.compile(r"formula-[0-9]+")
 #: Longest line of a file, and longest physics sentence.
 MOST_COLUMNS, MOST_PHYSICS = 120, 120
 #: The range about a size that one campaign found.
@@ -62,6 +67,13 @@ def effect_source(term: Term, name: str, size: SizeMet, source: str) -> str:
 def class_name(name: str) -> str:
     """Such as ThermalSquare."""
     return "".join(word.capitalize() for word in name.split("-"))
+
+
+def is_reserved(name: str) -> bool:
+    """Whether a name stands for something else: a word of Python, a class of the files, a formula without a name."""
+    kind = class_name(name)
+    words = keyword.iskeyword(name) or keyword.iskeyword(kind) or hasattr(builtins, kind)
+    return words or kind in IMPORTED or NUMBERED.fullmatch(name) is not None
 
 
 def _head(term: Term, name: str, source: str) -> str:
