@@ -38,15 +38,13 @@ def page() -> str:
         parts.append("")
     parts.append("## What to do, and what shows a cause\n")
     parts.append("| id | remedy | what shows it | drawn over | with unknown pose |\n|---|---|---|---|---|")
-    parts.extend(
-        f"| `{row['effect']}` | {row['remedy']} | {row['shown_by']} | {row['drawn_over']} | "
-        f"{'yes' if row['pose_free'] else 'no'} |"
-        for row in listed
-    )
+    for row in listed:
+        known = "yes" if row["pose_free"] else "no"
+        parts.append(_cells(f"`{row['effect']}`", row["remedy"], row["shown_by"], row["drawn_over"], known))
     parts.append("")
     parts.append("## Where the sizes come from\n")
     parts.append("| id | parameter | source |\n|---|---|---|")
-    parts.extend(f"| `{row['effect']}` | {p['name']} | {p['source']} |" for row in listed for p in row["parameters"])
+    parts.extend(_cells(f"`{row['effect']}`", p["name"], p["source"]) for row in listed for p in row["parameters"])
     return "\n".join(parts) + "\n"
 
 
@@ -79,7 +77,12 @@ def _line(row: dict[str, Any]) -> str:
     names = [f"{p['name']}{axes if i == 0 else ''}, {p['unit'] or 'text'}" for i, p in enumerate(row["parameters"])]
     sizes = [f"{_number(p['typical'])} ({_number(p['low'])} … {_number(p['high'])})" for p in row["parameters"]]
     cells = [f"`{row['effect']}`", row["physics"], "<br>".join(names), "<br>".join(sizes)]
-    return f"| {' | '.join([*cells, ', '.join(row['of']), ', '.join(row['needs'])])} |"
+    return _cells(*cells, ", ".join(row["of"]), ", ".join(row["needs"]))
+
+
+def _cells(*texts: str) -> str:
+    """A line of a table; a bar within a text, as of |a|, is none of the table's."""
+    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
 
 
 def _number(value: float | str) -> str:

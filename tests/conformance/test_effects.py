@@ -21,12 +21,17 @@ from station.model.effect import (
     SensorEffect,
     StimulusEffect,
 )
+from station.model.formula.term import Term
+from station.model.formula.term_effect import effect_of
 from station.model.forward import ActiveEffect, BaseResponse, convert_output, forward, gold_error, signature
 from station.model.scene import COVARIATES, Scene
 from station.model.simulate import SimulationJob, parse_effect, simulate
+from tests.unit.test_formula_grammar import ALL
 
 IDS = plugins.names("station.model.effects")
 SMOOTH = {EffectStage.POSE, EffectStage.STIMULUS, EffectStage.SENSOR}
+#: A change beyond rounding, whatever the sensor's unit and noise.
+VISIBLE = 1e-10
 LEVELS = ("common", "unit", "run", "power-on", "visit", "nest", "position", "station", "lot", "operator")
 
 #: docs/formats.md: name, unit, axes, frame of the parameters of each id.
@@ -84,7 +89,8 @@ def kind(name: str) -> type[Effect]:
 
 @pytest.fixture(scope="module")
 def recipe() -> Recipe:
-    turns = [(axis, 45 * i) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1]) for i in range(8)]
+    # The third axis leaves no component at rest: what goes with a product of two or three shows.
+    turns = [(axis, 45 * i) for axis in ([1, 0, 0], [0, 1, 0], [1, 1, 1]) for i in range(8)]
     return Recipe.model_validate(
         {
             "schema": "station.recipe/1",
@@ -123,6 +129,20 @@ def base() -> BaseResponse:
     base = BaseResponse(rng.normal(0, 0.02, (2, 3)), np.eye(3) + rng.normal(0, 0.01, (2, 3, 3)))
     base.offset.flags.writeable = base.matrix.flags.writeable = False
     return base
+
+
+def reaching(effect: Effect, scene: Scene) -> Scene:
+    """The scene with times and temperatures about those that an effect's form names: a jump after an hour shows."""
+    for form in effect.forms:
+        value = float(getattr(effect, form.field))
+        if form.name == "start":
+            longer = scene.time_s * max(1.0, 2 * value / float(scene.time_s.max()))
+            scene = dataclasses.replace(scene, time_s=longer)
+        if form.unit == "degC":
+            T = scene.require("temperature_degC")
+            scene = dataclasses.replace(scene, temperature_degC=T + value - float(T.mean()))
+    scene.time_s.flags.writeable = scene.require("temperature_degC").flags.writeable = False
+    return scene
 
 
 def acting(effect: Effect, scene: Scene, factor: float = 1.0, seed: int = 3) -> ActiveEffect:
@@ -198,7 +218,19 @@ def test_neutral_coefficients_do_nothing(name: str, scene: Scene, base: BaseResp
 @pytest.mark.parametrize("name", IDS)
 def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: BaseResponse) -> None:
     """The scene is locked: writing into it raises. Called twice it gives the same, and it changes something."""
-    effect = kind(name).example()
+    assert_pure_and_visible(kind(name).example(), scene, base)
+
+
+@pytest.mark.parametrize("term", ALL[::7], ids=lambda t: "-".join(t.family))
+def test_a_formula_of_any_form_would_be_visible(term: Term, scene: Scene, base: BaseResponse) -> None:
+    """Whatever formula is adopted: its file is tested in this scene, far from its own time, temperature and size."""
+    far = {"start_s": 3600.0, "kink_degC": 80.0, "about_degC": -30.0, "bend_u": 0.3}
+    made = term.with_constants(**{field: value for field, value in far.items() if field in term.fields})
+    assert_pure_and_visible(effect_of(made, "found-law", 1e-6), scene, base)
+
+
+def assert_pure_and_visible(effect: Effect, scene: Scene, base: BaseResponse) -> None:
+    scene, name = reaching(effect, scene), effect.id
     active = {name: acting(effect, scene)}
     reading = forward(scene, base)
     reading.flags.writeable = False
@@ -208,15 +240,16 @@ def test_pure_and_visible_at_its_typical_size(name: str, scene: Scene, base: Bas
         results.append((out, gold_error(scene, active)))
     np.testing.assert_array_equal(results[0][0], results[1][0])
     if isinstance(effect, PoseEffect | StimulusEffect | SensorEffect | OutputEffect):
-        assert np.abs(results[0][0] - reading).max() > 1e-6
+        assert np.abs(results[0][0] - reading).max() > VISIBLE
     if isinstance(effect, GoldEffect):
-        assert np.abs(results[0][1]).max() > 1e-6
+        assert np.abs(results[0][1]).max() > VISIBLE
 
 
 @pytest.mark.parametrize("name", [n for n in IDS if kind(n).stage in SMOOTH])
 def test_additive_at_small_size(name: str, scene: Scene, base: BaseResponse) -> None:
     """Twice the coefficient gives twice the change, up to the square of the size."""
     effect = kind(name).example()
+    scene = reaching(effect, scene)
     off = forward(scene, base)
     one = forward(scene, base, {name: acting(effect, scene, 0.01)}) - off
     two = forward(scene, base, {name: acting(effect, scene, 0.02)}) - off
@@ -229,6 +262,7 @@ def test_additive_at_small_size(name: str, scene: Scene, base: BaseResponse) -> 
 def test_signature_predicts_the_effect(name: str, scene: Scene, base: BaseResponse) -> None:
     """The derivative by each axis, times the coefficients, is what switching it on does: all alike, then each."""
     effect = kind(name).example()
+    scene = reaching(effect, scene)
     groups = len(scene.group(effect.of[0])[1])
     parts = signature(scene, base, effect)
     equal = np.tile(0.01 * effect.size * np.arange(1, len(effect.axes) + 1), (groups, 1))

@@ -20,8 +20,10 @@ from station.reporting.diagnosis.gather import report_data
 from station.reporting.diagnosis.page import build_page
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
+#: A bar is none of the table's.
+PHYSICS_IN_A_TABLE = r"The reading follows the sine of the sum of all axes, a ripple of their supply, and of \|a\|."
 FILE = '''
-"""The reading follows the sine of the sum of all axes: a ripple of their common supply.
+"""The reading follows the sine of the sum of all axes, a ripple of their supply, and of |a|.
 
 >>> 1 + 1
 2
@@ -40,7 +42,7 @@ from station.model.scene import Signal
 class Ripple(SensorEffect):
     """Height of the ripple."""
 
-    physics = "The reading follows the sine of the sum of all axes: a ripple of their common supply."
+    physics = "The reading follows the sine of the sum of all axes, a ripple of their supply, and of |a|."
     remedy = "have the converter linearised"
     shown_by = "add tilts between the faces"
     drawn_over = "input"
@@ -83,9 +85,9 @@ def test_a_new_file_is_all_it_takes() -> None:
     change = made.table.reading - simulate(plain).table.reading
     np.testing.assert_allclose(change, c * np.sin(5 * true.sum(1, keepdims=True)), atol=1e-12)
     assert any(row["effect"] == "ripple" for row in catalogue.rows())
-    assert (
-        "| `ripple` | have the converter linearised | add tilts between the faces | input | yes |" in catalogue.page()
-    )
+    page = catalogue.page()
+    assert "| `ripple` | have the converter linearised | add tilts between the faces | input | yes |" in page
+    assert f"| `ripple` | {PHYSICS_IN_A_TABLE} |" in page
 
 
 @pytest.mark.usefixtures("ripple")
