@@ -33,7 +33,7 @@ def problem() -> Any:
 
 
 def few_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(form_check, "COLUMNS_AT_ONCE", 1)
+    monkeypatch.setattr(form_check, "COURSES_AT_ONCE", 1)
     monkeypatch.setattr(form_check, "FEWEST_LAWS_AT_ONCE", 3)
 
 

@@ -29,6 +29,7 @@ from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.rank import OCCAM_NATS, RankedCause, rank_causes, with_bounded_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.diagnosis.search.unit_sample import sampled_units
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 from station.model.effects.bias_walk import BiasWalk
@@ -45,8 +46,10 @@ CHOICE_NATS = 5.0
 NEAR_NATS = 2.0
 #: Laws further behind the best than this, nats, are not tried under other floors.
 PROMISING_NATS = 12.0
-#: Numbers in the columns of the laws looked at together, 2 MiB a law of 28,800 visits; and laws at the least.
-COLUMNS_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 22, 16
+#: Units of each of two samples of a fleet in which laws that are far behind are seen first.
+SAMPLE_UNITS = 16
+#: Numbers in the courses of the laws looked at together, of which each has one or two a visit; and laws at the least.
+COURSES_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 20, 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,20 +183,43 @@ def _ranked(
 def _promising(
     problem: ScoringProblem, causes: list[Candidate], laws: Iterable[Candidate], floor: NoiseFloor
 ) -> list[Candidate]:
-    """The laws near the best of laws and causes. Of very many visits some laws at a time: each has columns for every
+    """The laws near the best of laws and causes. Of very many visits some laws at a time: each has courses of every
     visit, and hardly any is near."""
     totals, kept = dict[str, float](), list[Candidate]()
     following = iter(laws)
-    at_once = max(FEWEST_LAWS_AT_ONCE, COLUMNS_AT_ONCE // max(problem.view.keep.size, 1))
+    at_once = max(FEWEST_LAWS_AT_ONCE, COURSES_AT_ONCE // max(len(problem.view.keep), 1))
+    sampled = _SampledLaws(problem, floor)
     some = [*causes, *(found := list(islice(following, at_once)))]
     while some:
-        first = _under(problem, some, floor)[1]
-        values = first.totals() - first.without()
-        totals |= {c.name: float(x) for c, x in zip(first.candidates, values, strict=True)}
+        if some := sampled.not_far_behind(some):
+            first = _under(problem, some, floor)[1]
+            values = first.totals() - first.without()
+            totals |= {c.name: float(x) for c, x in zip(first.candidates, values, strict=True)}
         least = max(totals.values()) - PROMISING_NATS
-        kept = [law for law in (*kept, *found) if totals[law.name] > least]
+        kept = [law for law in (*kept, *found) if totals.get(law.name, -np.inf) > least]
         some = found = list(islice(following, at_once))
     return kept
+
+
+class _SampledLaws:
+    """Laws and causes, some after others, as two samples of a fleet's units show them."""
+
+    def __init__(self, problem: ScoringProblem, floor: NoiseFloor) -> None:
+        samples = (sampled_units(problem.setting, SAMPLE_UNITS, start) for start in (0.0, 0.5))
+        self._floor, self._samples = floor, [sample for sample in samples if sample is not None]
+        self._best = [-np.inf for _ in self._samples]
+
+    def not_far_behind(self, items: list[Candidate]) -> list[Candidate]:
+        """Those of some more that are not so far behind the best in both samples that they cannot be near it in all
+        units; a unit unlike all others is in one of the two at most."""
+        near = set[str]() if self._samples else {c.name for c in items}
+        for i, sample in enumerate(self._samples):
+            (found,) = sample.scored(items, [self._floor])
+            evidence = found.readings().evidence[0]
+            self._best[i] = max(self._best[i], float(evidence.max()))
+            far = sample.surely(self._best[i] - evidence) > PROMISING_NATS
+            near |= {c.name for c, f in zip(found.candidates, far, strict=True) if not f}
+        return [c for c in items if c.name in near]
 
 
 def _under(problem: ScoringProblem, items: list[Candidate], floor: NoiseFloor) -> tuple[tuple[Bank, ...], WalkMarginal]:

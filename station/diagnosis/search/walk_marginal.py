@@ -23,6 +23,7 @@ from station.diagnosis.search.scoring import (
     score_bank,
     score_under_floors,
 )
+from station.diagnosis.search.unit_sample import sampled_units
 from station.domain.core.types import Array, Floats
 
 #: Walks tried, as parts of the largest allowed.
@@ -31,6 +32,9 @@ WALK_FRACTIONS = (0.0, 0.25, 0.5, 1.0)
 SLOW_SHARE = 0.3
 #: Units that it takes to see which candidates are slow.
 PROBE_UNITS = 2
+#: Units of a fleet that show what a candidate changes of a walk's likelihood, and how many nats a walk must be behind
+#: another to be without hope: it then changes an evidence by less than a part in 10⁸.
+SAMPLE_UNITS, HOPELESS_NATS = 40, 20.0
 #: Kernels with slow and fast directions: on the average they are not slow, yet they can follow a walk.
 FLEXIBLE_KERNELS = ("time", "temperature", "unit", "time*temperature")
 
@@ -38,11 +42,13 @@ FLEXIBLE_KERNELS = ("time", "temperature", "unit", "time*temperature")
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkMarginal:
     """best: the whole bank under the floor that fits best; sides: the slow candidates under each walk; slow: their
-    places in `best.candidates`."""
+    places in `best.candidates`; hopeless: how many walks more were tried that a fleet speaks against so clearly that
+    nothing of them is left in the average."""
 
     best: ScoredBank
     walk_stages: tuple[ScoredBank, ...]
     slow: tuple[int, ...]
+    hopeless: int = 0
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -76,15 +82,18 @@ class WalkMarginal:
     def without(self) -> Floats:
         """The same without any candidate, in the space of each candidate (candidates)."""
         fits = np.stack([s.readings().fits[0] for s in self.walk_stages or (self.best,)], axis=-1)
-        return np.asarray(log_mean_exp(fits)[self.best.space_index])
+        return np.asarray(self._mean(fits)[self.best.space_index])
 
     def _averaged(self, scores: Sequence[Scores]) -> tuple[Floats, Floats]:
         """Log-likelihood averaged over the walks: with each slow candidate (n, slow), without in each space (n, 2)."""
         fits = np.stack([s.fits for s in scores], axis=-1)
         found = np.stack([s.evidence for s in scores], axis=-1)
-        return np.asarray(log_mean_exp(fits[:, self.walk_stages[0].space_index] + found)), np.asarray(
-            log_mean_exp(fits)
-        )
+        return self._mean(fits[:, self.walk_stages[0].space_index] + found), self._mean(fits)
+
+    def _mean(self, likelihood: Floats) -> Floats:
+        """Log of the mean over all walks tried of likelihoods (…, stages), next to none of those without hope."""
+        stages = likelihood.shape[-1]
+        return np.asarray(log_mean_exp(likelihood) + np.log(stages / (stages + self.hopeless)))
 
 
 def score_over_walks(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor) -> WalkMarginal:
@@ -100,7 +109,12 @@ def marginalise_walks(problem: ScoringProblem, best: ScoredBank) -> WalkMarginal
     chosen = [_slow_candidates(problem, s.bank, best.floor, most) for s in best.projected]
     start = np.cumsum([0, *(len(s.found) for s in best.projected)])
     slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
-    return _score_slow_candidates(partial(score_under_floors, problem.setting), best, slow, most)
+    if not slow:
+        return WalkMarginal(best, (), ())
+    floors = _walks(best.floor, most)
+    chosen_floors = _hopeful(problem, best, slow, floors)
+    found = _score_slow_candidates(partial(score_under_floors, problem.setting), best, slow, chosen_floors)
+    return replace(found, hopeless=len(floors) - len(chosen_floors))
 
 
 def replicate_units(problem: ScoringProblem, like: WalkMarginal, chosen: Array, copies: int) -> WalkMarginal:
@@ -111,22 +125,48 @@ def replicate_units(problem: ScoringProblem, like: WalkMarginal, chosen: Array, 
 
     at = partial(score_under_floors, setting, copies=copies, axes=True)
     (best,) = at(banks, [like.best.floor])
-    return _score_slow_candidates(at, best, like.slow, float(np.sqrt(problem.upper[2])))
+    if not like.slow:
+        return WalkMarginal(best, (), ())
+    return _score_slow_candidates(at, best, like.slow, _walks(best.floor, float(np.sqrt(problem.upper[2]))))
+
+
+def _walks(floor: NoiseFloor, most: float) -> list[NoiseFloor]:
+    """A floor with each walk that is tried."""
+    return [replace(floor, walk=part * most) for part in WALK_FRACTIONS]
 
 
 def _score_slow_candidates(
     at: Callable[[Sequence[Bank], Sequence[NoiseFloor]], tuple[ScoredBank, ...]],
     best: ScoredBank,
     slow: tuple[int, ...],
-    most: float,
+    floors: Sequence[NoiseFloor],
 ) -> WalkMarginal:
-    """The slow candidates under each walk beside the best floor."""
-    if not slow:
-        return WalkMarginal(best, (), ())
+    """The slow candidates under each of some walks beside the best floor."""
     same = best.only(slow)
-    floors = [replace(best.floor, walk=part * most) for part in WALK_FRACTIONS]
-    found = iter(at([s.bank for s in same.projected], [f for f in floors if f != best.floor]))
+    found = iter(
+        at([s.bank for s in same.projected], others) if (others := [f for f in floors if f != best.floor]) else ()
+    )
     return WalkMarginal(best, tuple(same if f == best.floor else next(found) for f in floors), slow)
+
+
+def _hopeful(
+    problem: ScoringProblem, best: ScoredBank, slow: tuple[int, ...], floors: list[NoiseFloor]
+) -> list[NoiseFloor]:
+    """The walks of which anything may be left in the average over all of them with any slow candidate. What a fleet
+    says of a walk without a candidate is known of all its units, what a candidate changes of that in a sample."""
+    sample = sampled_units(problem.setting, SAMPLE_UNITS)
+    if sample is None:
+        return floors
+    some = sample.scored([best.candidates[i] for i in slow], floors)
+    every = score_under_floors(problem.setting, [s.bank.only([]) for s in some[0].projected], floors)
+    space = some[0].space_index
+    fits, sampled = (np.stack([s.readings().fits[0] for s in stages])[:, space] for stages in (every, some))
+    behind, alone = (x.max(0) - x for x in (fits, sampled))
+    total = sampled + np.stack([s.readings().evidence[0] for s in some])
+    # A unit unlike all others shows in one of the two.
+    without = np.minimum(behind, sample.share * alone)
+    least = without + sample.surely(total.max(0) - total - alone)
+    return [f for f, nats in zip(floors, least.min(1), strict=True) if nats <= HOPELESS_NATS]
 
 
 def _slow_candidates(problem: ScoringProblem, bank: Bank, floor: NoiseFloor, most: float) -> list[int]:

@@ -1,0 +1,58 @@
+"""A few units of a fleet, spread over it, in which the search sees what is far behind before it looks at all of them.
+
+Evidence adds up over units: what is behind by D nats in n of N units is behind by N/n·D in all, give or take N/n·√(2D),
+as a log-likelihood ratio of mean D has the variance 2D. What is far behind by many such errors is so in all units, and
+no unit more is spent on it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.scoring import ScoredBank, ScoringSetting, score_under_floors
+from station.domain.core.types import Floats
+
+#: A fleet has so many times as many units as a sample, at the least.
+LEAST_SHARE = 4
+#: Standard errors of a sum over the sample beyond which it is no chance.
+SURE_ERRORS = 6.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitSample:
+    """The setting of the sampled units, which stops (v) are theirs, and for how many units each of them stands."""
+
+    setting: ScoringSetting
+    stops: NDArray[np.bool_]
+    share: float
+
+    def banks(self, candidates: Sequence[Candidate]) -> tuple[Bank, ...]:
+        """Banks of candidates of the whole fleet, those that move within a stop apart, if there are any."""
+        columns = {id(c.columns): c.columns.select_visits(self.stops) for c in candidates}
+        codes = {id(c.code): c.code[self.stops] for c in candidates}
+        items = [replace(c, code=codes[id(c.code)], columns=columns[id(c.columns)]) for c in candidates]
+        kinds = sorted({c.moving for c in items})
+        return tuple(build_bank(items, self.setting.layout, moving=moving) for moving in kinds)
+
+    def scored(self, candidates: Sequence[Candidate], floors: Sequence[NoiseFloor]) -> tuple[ScoredBank, ...]:
+        """Candidates of the whole fleet, as its sample shows them under each of some floors."""
+        return score_under_floors(self.setting, self.banks(candidates), floors)
+
+    def surely(self, nats: Floats) -> Floats:
+        """By how many nats at the least all units differ where the sample differs by so many."""
+        return np.asarray(self.share * (nats - SURE_ERRORS * np.sqrt(2 * np.abs(nats))))
+
+
+def sampled_units(setting: ScoringSetting, count: int, start: float = 0.0) -> UnitSample | None:
+    """So many units spread evenly over a fleet, the first of them at a share of the way to the second; None of a fleet
+    that has too few for it."""
+    units = setting.layout.grid.units
+    if units < LEAST_SHARE * count:
+        return None
+    chosen = ((np.arange(count) + start) * units / count).astype(np.intp)
+    some, stops = setting.of_units(chosen)
+    return UnitSample(some, np.asarray(stops, bool), units / count)

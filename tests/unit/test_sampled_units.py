@@ -1,0 +1,87 @@
+"""What a sample of a fleet's units leaves out changes nothing of what all of them say."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.rival_laws import rival_laws
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.search import form_check, unit_sample, walk_marginal
+from station.diagnosis.search.candidate_banks import build_banks
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.unit_sample import sampled_units
+from station.model.model_file import Model
+from tests.blind.bench import WHITE, hide
+from tests.blind.hidden import KNOWN
+from tests.blind.recipes import recipe
+
+UNITS = 12
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Any:
+    table, _ = hide(recipe(2), KNOWN["quadratic"], 3, units=UNITS, floor=WHITE)
+    return initial_problem(reduce_samples(recipe(2), table), FloorAllowance.of(recipe(2), Model()))
+
+
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No sample of any fleet."""
+    monkeypatch.setattr(unit_sample, "LEAST_SHARE", UNITS + 1)
+
+
+def test_samples_are_spread_and_share_no_unit(fleet: Any) -> None:
+    one, two = (sampled_units(fleet.setting, 3, start) for start in (0.0, 0.5))
+    assert one is not None and two is not None
+    unit = fleet.view.layout.unit
+    assert (np.unique(unit[one.stops]).tolist(), np.unique(unit[two.stops]).tolist()) == ([0, 4, 8], [2, 6, 10])
+    assert one.share == UNITS / 3
+    assert sampled_units(fleet.setting, UNITS // unit_sample.LEAST_SHARE + 1) is None
+
+
+def test_what_a_sample_shows_for_sure_is_behind_in_all_units_as_often_as_is_said() -> None:
+    """Differences of a unit of mean D and variance 2D; the bound fails with the chance of SURE_ERRORS, never here."""
+    rng = np.random.default_rng(7)
+    sample, share = 16, 25.0
+    each = rng.normal(3.0, np.sqrt(6.0), (2000, sample))
+    sure = unit_sample.UnitSample(None, np.zeros(0, bool), share).surely(each.sum(1))  # type: ignore[arg-type]
+    assert np.all(sure < 3.0 * sample * share)
+    assert np.all(np.diff(unit_sample.UnitSample(None, np.zeros(0, bool), share).surely(np.arange(40.0, 90.0))) > 0)  # type: ignore[arg-type]
+
+
+def test_walks_without_hope_leave_nothing_in_the_average(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    # So large a walk as no quiet campaign shows.
+    wide = replace(fleet, upper=np.array([np.inf, *fleet.upper[1:] * np.array([1.0, 900.0])]))
+    best = score_bank(wide, build_banks(wide.view), wide.fit().floor)
+    monkeypatch.setattr(walk_marginal, "SAMPLE_UNITS", 3)
+    some = walk_marginal.marginalise_walks(wide, best)
+    alone(monkeypatch)
+    every = walk_marginal.marginalise_walks(wide, best)
+    assert some.slow == every.slow
+    assert (every.hopeless, len(every.walk_stages)) == (0, len(walk_marginal.WALK_FRACTIONS))
+    assert some.hopeless == len(every.walk_stages) - len(some.walk_stages) > 0
+    for one, two in ((some.totals(), every.totals()), (some.without(), every.without())):
+        np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-7)
+    assert some.evidence() == pytest.approx(every.evidence(), rel=1e-7, abs=1e-7)
+
+
+def test_laws_far_behind_in_samples_are_not_looked_at_in_all_units(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    floor, looked_at = fleet.fit().floor, list[int]()
+    causes = [c for bank in build_banks(fleet.view) for c in bank.candidates if c.name == "quadratic"]
+    causes = [replace(c, name=f"cause/{i}") for i, c in enumerate(causes)]
+    under = form_check._under
+
+    def counted(problem: Any, items: Any, at: Any) -> Any:
+        looked_at.append(len(items))
+        return under(problem, items, at)
+
+    monkeypatch.setattr(form_check, "_under", counted)
+    monkeypatch.setattr(form_check, "SAMPLE_UNITS", 3)
+    near = [law.name for law in form_check._promising(fleet, causes, rival_laws(fleet.view), floor)]
+    some = sum(looked_at)
+    looked_at.clear()
+    alone(monkeypatch)
+    assert [law.name for law in form_check._promising(fleet, causes, rival_laws(fleet.view), floor)] == near
+    assert 0 < some < sum(looked_at) / 2
