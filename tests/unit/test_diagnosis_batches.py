@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 
 from station.cli.app import main
+from station.diagnosis.candidates import projected_bank
 from station.diagnosis.candidates import solve as solving
-from station.diagnosis.candidates.bank import build_bank
+from station.diagnosis.candidates.bank import FEW_UNITS, build_bank
+from station.diagnosis.candidates.column_blocks import column_blocks
 from station.diagnosis.candidates.projected_bank import project_bank, visible_candidates
-from station.diagnosis.data.faults import spectral_lines
+from station.diagnosis.data.faults import spectral_lines, tone_search
+from station.diagnosis.data.faults.white_dwells import TransientFilter, WhiteDwells
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
 from station.diagnosis.search.candidate_banks import build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.scoring import score_bank
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
 from tests.blind.recipes import recipe
@@ -105,3 +109,40 @@ def test_a_column_of_next_to_nothing_is_not_inverted() -> None:
     """One over its square is no number; warnings are errors here."""
     found = solving._inverse(np.diag([1e-320, 4.0]))
     np.testing.assert_allclose(found, np.diag([0.0, 0.25]))
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-5])
+def test_columns_by_axis_and_by_run_score_as_whole_ones_do(walk: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of more than few units, one of which has a run less, as no rows are laid out for all of them before."""
+    table, _ = hide(recipe(2), None, 5, units=FEW_UNITS + 1, floor=WHITE)
+    table = table[(table.unit.code != 3) | (table.run == 0)]
+    problem = initial_problem(reduce_samples(recipe(2), table), FloorAllowance.of(recipe(2), Model()))
+    banks, floor = build_banks(problem.view), replace(problem.fit().floor, walk=walk)
+    split = column_blocks(banks[0], problem.view.layout, whole=False)
+    assert any(b.by_run and b.one_axis for b in split) and not all(b.one_axis for b in split)
+    found = score_bank(problem, banks, floor).readings()
+    monkeypatch.setattr(
+        projected_bank, "column_blocks", lambda bank, layout, whole: column_blocks(bank, layout, whole=True)
+    )
+    whole = score_bank(problem, banks, floor).readings()
+    np.testing.assert_allclose(found.evidence, whole.evidence, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(found.fits, whole.fits, rtol=1e-12)
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 1e-4])
+def test_the_power_of_even_dwells_is_that_of_each_wave(jitter_s: float, rng: np.random.Generator) -> None:
+    """One stop is shorter than the others; of stamps that scatter too much, and of frames that are lost, the waves are
+    made one by one."""
+    stops, samples, rate = 20, 60, 100.0
+    curve, late = np.ones((stops, samples, 4)), jitter_s * rng.standard_normal((stops, samples))
+    late[:, 0] = curve[3, 40:] = 0.0
+    time = 3.0 * np.arange(stops)[:, None] + np.arange(samples) / rate + late
+    white = rng.standard_normal((stops, samples, 3)) * curve[..., :1]
+    empty = TransientFilter(curve, np.zeros((stops, 3)), ())
+    dwells = WhiteDwells(white, white, time, rng.uniform(0.5, 1.0, stops), rate, empty)
+    tried = np.arange(3, samples) * rate / (2 * samples)
+    even = tone_search._even_power(dwells, tried, dwells.weight)
+    assert even is not None
+    np.testing.assert_allclose(even, tone_search._uneven_power(dwells, tried, dwells.weight), rtol=1e-4)
+    lost = replace(dwells, time_s=time + (np.arange(samples) > 30) / rate)
+    assert tone_search._even_power(lost, tried, dwells.weight) is None

@@ -8,12 +8,12 @@ own rows, so one derivative serves all groups and all levels.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
+from station.diagnosis.candidates.bank_columns import BankColumns, places, scattered
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
@@ -34,8 +34,6 @@ MAX_JUMP_TIMES = 32
 MAX_REFINED_JUMP_TIMES = 12
 #: Units whose columns are in memory at once; and units that are so few that the columns of all are held.
 UNITS_AT_ONCE, FEW_UNITS = 8, 8
-#: All columns of a bank.
-ALL_COLUMNS = slice(None)
 #: Over a smaller range of temperature than this, degC, a curve is a straight line.
 MIN_BENT_RANGE_DEGC = 8.0
 #: Levels whose groups belong to one unit each.
@@ -300,22 +298,13 @@ def _candidate(effect: Effect, of: str, pattern: Pattern, view: ResidualView, co
     return Candidate(effect.id, effect, of, pattern, code, names, columns, scale)
 
 
-class BankColumns(NamedTuple):
-    """Columns of the bank: of which candidate, the group (v) of each stop within its unit, and where they stand."""
-
-    candidate: Candidate
-    code: NDArray[np.int32]
-    at: slice
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Bank:
     """Candidates and their columns. Levels that group alike within a unit share their columns; a scan of single visits
     has none, as it needs none (`visit_scan.py`).
 
     moving: whether the candidates change within a stop; codes (v) of each one's groups, and how many groups, within a
-    unit; place of each among the columns; laid: the columns of all units, None of a fleet, whose rows are laid out part
-    by part when they are needed.
+    unit; place of each among the columns; all_columns: of all units, None where they are laid out part by part.
     """
 
     moving: bool
@@ -337,34 +326,18 @@ class Bank:
         columns = np.concatenate([np.r_[place[id(m.candidate)]] for m in bank.made])
         return replace(bank, all_columns=self.all_columns.only(columns))
 
-    def rows(self, layout: RowLayout, units: slice, at: slice = ALL_COLUMNS) -> DataColumns:
-        """The columns of some units, all of them or whole sets of them."""
+    def rows(self, layout: RowLayout, units: slice, made: Sequence[BankColumns] | None = None) -> DataColumns:
+        """The columns of some units, all of them or some sets side by side."""
+        made = self.made if made is None else made
         if self.all_columns is not None:
-            return self.all_columns.of_units(units).only(at)
+            return self.all_columns.of_units(units).only(places(made))
         stops = layout.grid.part(units)[1]
-        made = [m for m in self.made if (at.start or 0) <= m.at.start < (at.stop or self.made[-1].at.stop)]
-        stop = _scattered(made, [m.candidate.columns.retained(layout.keep, stops) for m in made], stops)
+        stop = scattered(made, [m.candidate.columns.retained(layout.keep, stops) for m in made], stops)
         if not self.moving:
             return layout.columns(stop, None, units)
         inside = [layout.scaled(dwell, stops) for m in made if (dwell := m.candidate.columns.dwell(stops)) is not None]
         flat = [dwell.reshape(len(dwell), -1, dwell.shape[-1]) for dwell in inside]
-        return layout.columns(stop, _scattered(made, flat, stops), units)
-
-
-def _scattered(made: Sequence[BankColumns], parts: Sequence[Floats], stops: slice) -> Floats:
-    """Columns (s, n, a) of each candidate as (s, n, C), those of each stop in the place of its group."""
-    begin = made[0].at.start
-    out = np.zeros((*parts[0].shape[:2], made[-1].at.stop - begin))
-    row = np.arange(len(out))
-    for m, columns in zip(made, parts, strict=True):
-        whole = out[..., m.at.start - begin : m.at.stop - begin]
-        if whole.shape[-1] == m.candidate.axes:
-            # One group: its columns are whole.
-            whole[...] = columns
-            continue
-        by_group = whole.reshape(*out.shape[:2], -1, m.candidate.axes)
-        by_group[row, :, m.code[stops]] = columns
-    return out
+        return layout.columns(stop, scattered(made, flat, stops), units)
 
 
 def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -> Bank:
@@ -373,9 +346,9 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
     levels = {(c.of, id(c.code)): c for c in chosen}
     local = {level: c.local_codes(layout) for level, c in levels.items()}
     bank = _assemble_bank([(c, *local[c.of, id(c.code)]) for c in chosen], moving=moving)
-    if not bank.made or layout.grid.units > FEW_UNITS:
+    if not bank.made or layout.grid.units > FEW_UNITS or (layout.keeps_axes_apart and not moving):
         return bank
-    # Few units are looked at under many floors: their rows are the same under each.
+    # Few units are looked at under many floors: their rows are the same under each, and dear where they are long.
     return replace(bank, all_columns=bank.rows(layout, slice(0, layout.grid.units)))
 
 

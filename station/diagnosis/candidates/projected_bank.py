@@ -5,7 +5,6 @@ evidence needs: the eigenvalues of the normal matrix ZᵀZ = E diag(m) Eᵀ, and
 known columns and the readings.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, UNITS_AT_ONCE, Bank
+from station.diagnosis.candidates.column_blocks import ColumnBlock, ShapeGroup, column_blocks
 from station.diagnosis.candidates.visit_scan import NormalProducts, VisitColumns, VisitSpace, visit_columns
 from station.diagnosis.linear.evidence import (
     GROUP_AXES,
@@ -26,11 +26,11 @@ from station.diagnosis.linear.evidence import (
 )
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.parted_space import PartedSpace
-from station.diagnosis.linear.projection import DataColumns, ResidualSpace, SpaceSize
+from station.diagnosis.linear.projection import AxisColumns, DataColumns, ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
-#: Columns whitened together at the most, a megabyte and a half of eight units of 216 readings.
-COLUMNS_AT_ONCE = 96
+#: Sets of so few columns are multiplied faster number by number than as matrices.
+FEW_COLUMNS = 3
 #: Columns that keep less than this share of their squares beside what is known are combinations of it.
 LEAST_LEFT = 1e-13
 #: And columns of a smaller square are rounding; the amplitudes that they would need have no number in single precision.
@@ -102,7 +102,8 @@ def project_bank(
     bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace | PartedSpace], *, axes: bool = False
 ) -> tuple[ProjectedBank, ...]:
     """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
-    blocks, scans = _column_blocks(bank), [i for i, c in enumerate(bank.candidates) if c.scans_visits]
+    blocks = column_blocks(bank, layout, whole=axes)
+    scans = [i for i, c in enumerate(bank.candidates) if c.scans_visits]
     kinds = [kind for block in blocks for kind in block.kinds]
     kinds += [ShapeGroup((i,), "scan", bank.groups[i], np.zeros(1, np.intp)) for i in scans]
     parts: list[list[list[NormalProducts | EigenProducts]]] = [[] for _ in spaces]
@@ -110,11 +111,11 @@ def project_bank(
     # Spaces that are not held are gone through for what the readings are in them, candidates or none.
     needed = bank.candidates or any(isinstance(space, PartedSpace) for space in spaces)
     for units in layout.grid.parts(UNITS_AT_ONCE) if needed else ():
-        seen = [PartOfSpace.of(space.part(units)) for space in spaces]
+        seen = [PartOfSpace.of(space.part(units), one_axis=any(b.one_axis for b in blocks)) for space in spaces]
         found: list[list[NormalProducts]] = [[] for _ in spaces]
         white: list[list[Array]] = [[] for _ in spaces]
         for block in blocks:
-            rows = [bank.rows(layout, units, at) for at in block.parts()]
+            rows = list(block.rows(bank, layout, units))
             for i, part in enumerate(seen):
                 found[i] += part.products(block, rows)
                 white[i] += part.free(rows) if axes else []
@@ -146,79 +147,27 @@ class AxesSource(NamedTuple):
         return _turned(self.columns[..., bank.place[i]], E)
 
 
-class ShapeGroup(NamedTuple):
-    """Candidates that are alike in shape: which, their pattern, groups within a unit, and the sets of columns (b) of
-    the block that they see; several may see one."""
-
-    which: tuple[int, ...]
-    pattern: Pattern
-    groups: int
-    sets: NDArray[np.intp]
-
-
-class ColumnBlock(NamedTuple):
-    """Sets of columns of one width, side by side, and the candidates that see them."""
-
-    at: slice
-    width: int
-    kinds: tuple[ShapeGroup, ...]
-
-    @property
-    def groups(self) -> int:
-        """Into how many groups every set falls of which no candidate sees more than one at a time."""
-        return math.gcd(*(kind.groups if kind.pattern == "scan" else 1 for kind in self.kinds))
-
-    def parts(self) -> Iterator[slice]:
-        """The columns of some sets at a time, few enough for a processor's cache."""
-        step = self.width * max(1, COLUMNS_AT_ONCE // self.width)
-        for first in range(self.at.start, self.at.stop, step):
-            yield slice(first, min(first + step, self.at.stop))
-
-
-def _column_blocks(bank: Bank) -> list[ColumnBlock]:
-    """The columns of a bank by width; those of one width stand side by side."""
-    ends: dict[int, slice] = {}
-    for made in bank.made:
-        width = made.at.stop - made.at.start
-        ends[width] = slice(ends.get(width, made.at).start, made.at.stop)
-    by_shape: dict[int, dict[tuple[Pattern, int], list[int]]] = {width: {} for width in ends}
-    for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
-        if not c.scans_visits:
-            shape = c.pattern, groups if c.pattern == "scan" else 1
-            by_shape[at.stop - at.start].setdefault(shape, []).append(i)
-    return [
-        ColumnBlock(
-            at,
-            width,
-            tuple(
-                ShapeGroup(
-                    tuple(which), pattern, groups, np.array([bank.place[i].start - at.start for i in which]) // width
-                )
-                for (pattern, groups), which in by_shape[width].items()
-            ),
-        )
-        for width, at in ends.items()
-    ]
-
-
 class PartOfSpace(NamedTuple):
     """The space of some units, and what a column is compared with in it, as rows (U, 1 + c + p, ·): the readings, the
-    known columns that all units share, and those of each unit."""
+    known columns that all units share, and those of each unit; factors (3, U, R, B, s, v) that whiten columns of one
+    axis, if there are any."""
 
     space: ResidualSpace
     known: Floats
+    factors: Array | None
 
     @staticmethod
-    def of(space: ResidualSpace) -> "PartOfSpace":
+    def of(space: ResidualSpace, *, one_axis: bool) -> "PartOfSpace":
         """From the space. The basis is made orthonormal to the last digit, since squares of columns are compared with
         squares of what it takes from them."""
         near = space.basis.swapaxes(1, 2) @ space.basis
         basis = space.basis @ (1.5 * np.eye(near.shape[-1]) - 0.5 * near)
         known = np.concatenate([space.data[..., None], space.shared_basis, basis], axis=2)
         covariance = replace(space.covariance, runs=space.covariance.runs.run_by_run())
-        return PartOfSpace(replace(space, covariance=covariance), np.ascontiguousarray(known.swapaxes(1, 2)))
+        factors = covariance.runs.axis_factors(3) if one_axis else None
+        return PartOfSpace(replace(space, covariance=covariance), np.ascontiguousarray(known.swapaxes(1, 2)), factors)
 
-    def products(self, block: ColumnBlock, rows: Sequence[DataColumns]) -> Iterator[NormalProducts]:
+    def products(self, block: ColumnBlock, rows: Sequence[DataColumns | AxisColumns]) -> Iterator[NormalProducts]:
         """The products of the columns of a block, of each of its kinds: (b, U, K, …), (b, U, G, K, …) of a scan,
         (b, K, …) summed over the units of a shared one."""
         found = [self._products(block, some) for some in rows]
@@ -227,19 +176,57 @@ class PartOfSpace(NamedTuple):
         for kind in block.kinds:
             yield _products_of(kind, normal[:, kind.sets], taken[:, kind.sets], own)
 
-    def _products(self, block: ColumnBlock, rows: DataColumns) -> tuple[Floats, Floats]:
+    def _products(self, block: ColumnBlock, rows: DataColumns | AxisColumns) -> tuple[Floats, Floats]:
         """Of columns of some sets the normal matrices of their groups (U, b, G, K/G, K/G) before anything is taken off,
         and their products with what is known (U, b, K, 1 + c + p)."""
-        white = self.space.covariance.whiten(rows, self.space.dwell)
-        U, M, C = white.shape
-        taken = (self.known[..., :M] @ white).reshape(U, -1, C // block.width, block.width).transpose(0, 2, 3, 1)
-        sets = white.reshape(U, M, C // block.width, block.groups, -1).transpose(0, 2, 3, 4, 1)
-        return sets @ sets.swapaxes(-1, -2), taken
+        white = self._white(rows)
+        (U, C, M), (_, R) = white.shape, self.space.covariance.runs.member.shape
+        known = self.known[..., :M]
+        if not block.by_run:
+            taken = (white @ known.swapaxes(1, 2)).reshape(U, C // block.width, block.width, -1)
+            return _squares(white.reshape(U, C // block.width, block.groups, -1, M)), taken
+        m = self.space.covariance.runs.rows
+        by_run, known = (x[..., : R * m].reshape(U, -1, R, m).swapaxes(1, 2) for x in (white, known))
+        taken = (by_run @ known.swapaxes(-1, -2)).reshape(U, R, C // block.width, block.width, -1).swapaxes(1, 2)
+        sets = by_run.reshape(U, R, C // block.width, block.width, m).swapaxes(1, 2)
+        return _squares(sets), taken.reshape(U, C // block.width, R * block.width, -1)
 
-    def free(self, rows: Sequence[DataColumns]) -> list[Array]:
+    def _white(self, rows: DataColumns | AxisColumns) -> Floats:
+        """Columns, each as a row of white numbers (U, C, M)."""
+        covariance, dwell = self.space.covariance, self.space.dwell
+        if isinstance(rows, DataColumns):
+            U, R, m, C = rows.stop.shape
+            white = np.empty((U, C, R * m + dwell))
+            covariance.whiten(rows, dwell, out=white.swapaxes(1, 2))
+            return white
+        assert self.factors is not None
+        (U, R, _, C), (blocks, s, v) = rows.values.shape, self.factors.shape[-3:]
+        white = np.empty((U, C, R * blocks * s + dwell))
+        white[..., R * blocks * s :] = 0.0
+        out = white[..., : R * blocks * s].reshape(U, C, R, blocks, s).transpose(0, 2, 3, 4, 1)
+        # One number and a few need no matrices.
+        times = np.multiply if v == 1 else np.matmul
+        for axis, factor in enumerate(self.factors):
+            mine = np.flatnonzero(rows.axis == axis)
+            values = np.ascontiguousarray(rows.values[..., mine]).reshape(U, R, blocks, v, -1)
+            step = np.diff(mine)
+            if len(mine) > 1 and np.all(step == step[0]):
+                times(factor, values, out=out[..., mine[0] : mine[-1] + 1 : step[0]])
+            elif len(mine):
+                out[..., mine] = times(factor, values)
+        return white
+
+    def free(self, rows: Sequence[DataColumns | AxisColumns]) -> list[Array]:
         """The same columns as white rows (U, M, …) without what the units' own known ones take up, in single
         precision."""
-        return [self.space.project(some).astype(np.float32) for some in rows]
+        return [self.space.project(some).astype(np.float32) for some in rows if isinstance(some, DataColumns)]
+
+
+def _squares(sets: Floats) -> Floats:
+    """Products (…, K, K) of the rows (…, K, M) of each set with one another."""
+    if sets.shape[-2] <= FEW_COLUMNS:
+        return np.asarray(np.einsum("...km,...lm->...kl", sets, sets))
+    return np.asarray(sets @ sets.swapaxes(-1, -2))
 
 
 def _products_of(kind: ShapeGroup, normal: Floats, taken: Floats, own: int) -> NormalProducts:
@@ -252,7 +239,7 @@ def _products_of(kind: ShapeGroup, normal: Floats, taken: Floats, own: int) -> N
         G, each = normal.shape[2], kind.groups // normal.shape[2]
         normal = np.einsum("ubGgigj->ubGgij", normal.reshape(U, b, G, each, a, each, a)).reshape(U, b, -1, a, a)
     else:
-        normal = normal[:, :, 0]
+        normal = normal[:, :, 0] if normal.shape[2] == 1 else _block_diagonal(normal)
     known = taken[..., own:]
     left = normal - known @ known.swapaxes(-1, -2)
     before, after = (np.einsum("...kk->...", x)[..., None, None] for x in (normal, left))
@@ -264,6 +251,14 @@ def _products_of(kind: ShapeGroup, normal: Floats, taken: Floats, own: int) -> N
         taken = np.where(lost, 0.0, taken)
     found = left, taken[..., 1:own], taken[..., 0]
     return NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
+
+
+def _block_diagonal(normal: Floats) -> Floats:
+    """Normal matrices of the groups of each set (U, b, G, a, a) as one of the set (U, b, G·a, G·a)."""
+    U, b, G, a, _ = normal.shape
+    out = np.zeros((U, b, G, a, G, a))
+    np.einsum("ubgigj->ubgij", out)[...] = normal
+    return out.reshape(U, b, G * a, G * a)
 
 
 def _merge_parts(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.linear.projection import ALL_UNITS, DataColumns
+from station.diagnosis.linear.run_filter import block_visits
 from station.domain.core.types import Array, Floats
 from station.model.visit_table import VisitTable
 
@@ -68,6 +69,12 @@ class RowLayout:
     keep: Floats
     sigma: float | Floats
     unit: Array
+
+    @property
+    def keeps_axes_apart(self) -> bool:
+        """Whether a column of one axis is one of one number of each stop, and each run is whitened as one block."""
+        one_block = block_visits(self.grid.slot.shape[2], self.grid.k)[0] == 1
+        return one_block and self.grid.k == 3 and not np.any(self.keep * (1 - np.eye(3)))
 
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""

@@ -43,6 +43,13 @@ class DataColumns(NamedTuple):
         return DataColumns(self.stop[chosen], None if self.dwell is None else self.dwell[chosen])
 
 
+class AxisColumns(NamedTuple):
+    """Columns of the stops' means of which each moves one axis alone: values (U, R, V, c) there, and axis (c)."""
+
+    values: Floats
+    axis: NDArray[np.intp]
+
+
 #: All units.
 ALL_UNITS = slice(None)
 #: Units looked at together where each needs several times as many numbers as stay.
@@ -98,12 +105,14 @@ class FloorCovariance:
         """The floor of some units; the log-determinant stays with the whole."""
         return FloorCovariance(self.runs.of_units(units), self.live[units], 0.0)
 
-    def whiten(self, rows: DataColumns, dwell: int, more: int = 0, units: slice = ALL_UNITS) -> Floats:
+    def whiten(
+        self, rows: DataColumns, dwell: int, more: int = 0, units: slice = ALL_UNITS, out: Floats | None = None
+    ) -> Floats:
         """Rows of unit variance (U, R·m + dwell + more, c) of some units; `dwell` is how many contrasts a unit shall
         keep, `more` how many rows of zeros come after."""
         U, R, m, c = rows.stop.shape
         moving = bool(dwell) and rows.dwell is not None
-        white = np.empty((U, R * m + dwell + more, c))
+        white = np.empty((U, R * m + dwell + more, c)) if out is None else out
         white[:, R * m + dwell * moving :] = 0.0
         self.runs.of_units(units).whiten(rows.stop, out=white[:, : R * m].reshape(U, R, m, c))
         if moving:

@@ -1,0 +1,103 @@
+"""The columns of a bank in blocks that are whitened and multiplied together.
+
+Most columns move one axis alone, and so need a third of the numbers and of the factors that whiten them. The columns
+of a cause that acts in each run by itself are zero in all others: they are laid out once, and looked at run by run.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.diagnosis.candidates.bank import Bank
+from station.diagnosis.candidates.bank_columns import BankColumns, scattered
+from station.diagnosis.linear.evidence import Pattern
+from station.diagnosis.linear.grid import RowLayout, VisitGrid
+from station.diagnosis.linear.projection import AxisColumns, DataColumns
+
+#: Columns whitened together at the most, a megabyte and a half of eight units of 216 readings.
+COLUMNS_AT_ONCE = 96
+
+
+class ShapeGroup(NamedTuple):
+    """Candidates that are alike in shape: which, their pattern, groups within a unit, and the sets of columns (b) of
+    the block that they see; several may see one."""
+
+    which: tuple[int, ...]
+    pattern: Pattern
+    groups: int
+    sets: NDArray[np.intp]
+
+
+class ColumnBlock(NamedTuple):
+    """Sets of columns of one width, and the candidates that see them.
+
+    by_run: the groups are the runs, and the columns are those of all of them; one_axis: each moves one axis alone.
+    """
+
+    made: tuple[BankColumns, ...]
+    width: int
+    by_run: bool
+    one_axis: bool
+    kinds: tuple[ShapeGroup, ...]
+
+    @property
+    def groups(self) -> int:
+        """Into how many groups every set falls of which no candidate sees more than one at a time."""
+        return math.gcd(*(kind.groups if kind.pattern == "scan" else 1 for kind in self.kinds))
+
+    def rows(self, bank: Bank, layout: RowLayout, units: slice) -> Iterator[DataColumns | AxisColumns]:
+        """The columns of some units, some sets at a time, few enough for a processor's cache."""
+        step = max(1, COLUMNS_AT_ONCE // self.width)
+        for first in range(0, len(self.made), step):
+            some = self.made[first : first + step]
+            if self.by_run:
+                some = tuple(m._replace(at=slice(0, m.candidate.axes)) for m in some)
+            yield _axis_columns(some, layout, units) if self.one_axis else bank.rows(layout, units, some)
+
+
+def _axis_columns(made: Sequence[BankColumns], layout: RowLayout, units: slice) -> AxisColumns:
+    grid, stops = layout.grid.part(units)
+    gain = np.einsum("vii->vi", layout.keep[stops])
+    values = scattered(made, [m.candidate.columns.on_their_axes(gain, stops)[:, None] for m in made], stops)
+    axes = np.concatenate([m.candidate.columns.axis for m in made for _ in range(m.groups)])
+    return AxisColumns(VisitGrid(grid.slot, 1).spread(values), axes)
+
+
+def column_blocks(bank: Bank, layout: RowLayout, *, whole: bool) -> list[ColumnBlock]:
+    """The columns of a bank by width; `whole`: as the bank has them, in its order."""
+    runs, plain = _run_of_stop(layout.grid), whole or bank.moving
+    separate = not plain and layout.keeps_axes_apart
+    of_shape: dict[tuple[int, bool, bool], list[BankColumns]] = {}
+    for m in bank.made:
+        width, axes = m.at.stop - m.at.start, m.candidate.axes
+        by_run = not plain and width == axes * layout.grid.slot.shape[1] > axes and np.array_equal(m.code, runs)
+        one_axis = separate and m.candidate.columns.on_one_axis
+        # What the bank has laid out already is not split.
+        by_run = by_run and (one_axis or bank.all_columns is None)
+        of_shape.setdefault((axes if by_run else width, by_run, one_axis), []).append(m)
+    return [_block(bank, tuple(made), *shape) for shape, made in of_shape.items()]
+
+
+def _block(bank: Bank, made: tuple[BankColumns, ...], width: int, by_run: bool, one_axis: bool) -> ColumnBlock:
+    place = {(m.at.start, m.at.stop): i for i, m in enumerate(made)}
+    alike: dict[tuple[Pattern, int], list[tuple[int, int]]] = {}
+    for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
+        if not c.scans_visits and (at.start, at.stop) in place:
+            of_set = i, place[at.start, at.stop]
+            alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1), []).append(of_set)
+    kinds = (
+        ShapeGroup(tuple(i for i, _ in found), *shape, np.array([at for _, at in found], np.intp))
+        for shape, found in alike.items()
+    )
+    return ColumnBlock(made, width, by_run, one_axis, tuple(kinds))
+
+
+def _run_of_stop(grid: VisitGrid) -> NDArray[np.intp]:
+    """The run (v) within its unit that each stop is in."""
+    there = grid.slot >= 0
+    runs = np.empty(int(np.count_nonzero(there)), np.intp)
+    runs[grid.slot[there]] = np.nonzero(there)[1]
+    return runs
