@@ -38,12 +38,12 @@ class MeasuredSource:
 
     def portions(self) -> Callable[[], Iterator[SampleTable]] | None:
         """A large table in portions of whole units, a new pass at each call; None of any other. SamplesError."""
-        from station.wiring.sample_files import portions_of_units, rows_about, units_contiguous
+        from station.wiring.sample_files import portions_of_units, rows_about
 
         path = self.samples
         if path is None or self.db is not None or self.since is not None or path.suffix.lower() in CAN_LOGS:
             return None
-        if not LARGE_ROWS < rows_about(path) <= MOST_ROWS or not units_contiguous(path):
+        if not LARGE_ROWS < rows_about(path) <= MOST_ROWS:
             return None
         return partial(portions_of_units, path, PORTION_ROWS)
 

@@ -6,7 +6,6 @@ from station.adapters.samples import (
     portions_of_units,
     read_samples,
     rows_about,
-    units_contiguous,
     write_parts,
     write_samples,
 )
@@ -25,7 +24,6 @@ __all__ = [
     "portions_of_units",
     "read_samples",
     "rows_about",
-    "units_contiguous",
     "write_parts",
     "write_samples",
 ]

@@ -105,6 +105,12 @@ def test_a_cause_is_the_same_in_portions() -> None:
         np.testing.assert_allclose(one, two, rtol=1e-9)
 
 
+def test_units_whose_rows_do_not_stand_together_are_seen_together() -> None:
+    made = table()
+    first = made.run == 0
+    assert reduce_portions(RECIPE, lambda: iter([made[first], made[~first]])) is None
+
+
 def _numbers(d: Diagnosis) -> list[Any]:
     (cause,) = d.causes
     assert cause.estimate is not None
@@ -178,7 +184,7 @@ def test_a_tone_that_all_units_show_together_is_in_none_of_them() -> None:
     assert "motor-tone" in {f.effect for f in inspect(RECIPE, made).faults}
 
 
-def test_only_a_large_file_of_one_unit_after_the_other_is_read_in_portions(
+def test_only_a_large_file_of_one_unit_after_the_other_is_gone_through_in_portions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = table()
@@ -195,7 +201,8 @@ def test_only_a_large_file_of_one_unit_after_the_other_is_read_in_portions(
     assert portions is not None
     parts = [t.unit.text() for t in portions()]
     assert len(parts) > 1 and np.array_equal(np.concatenate(parts), made.unit.text())
-    assert source("mixed.parquet", np.roll(every, 7)).portions() is None
+    mixed = source("mixed.parquet", np.roll(every, 7)).portions()
+    assert mixed is not None and reduce_portions(RECIPE, mixed) is None
     assert source("large.parquet", every, tmp_path / "a log").portions() is None
     monkeypatch.setattr(_diagnosis_samples, "MOST_ROWS", len(made) - 1)
     assert source("large.parquet", every).portions() is None

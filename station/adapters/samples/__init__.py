@@ -6,7 +6,6 @@ from station.adapters.samples.reading import (
     portions_of_units,
     read_samples,
     rows_about,
-    units_contiguous,
 )
 from station.adapters.samples.writing import write_parts, write_samples
 from station.domain.core.joined_tables import join
@@ -18,7 +17,6 @@ __all__ = [
     "portions_of_units",
     "read_samples",
     "rows_about",
-    "units_contiguous",
     "write_parts",
     "write_samples",
 ]

@@ -85,9 +85,13 @@ def reduce_portions(recipe: Recipe, portions: Portions) -> PortionedTable | None
 def _survey(recipe: Recipe, portions: Portions) -> _Survey | None:
     """The first pass; None where anything is out of the ordinary."""
     checked, kept, extents = list[Preflight](), list[NDArray[np.bool_]](), list[ToneExtent | None]()
-    noise, healthy, columns, rows = NoiseTally(), None, frozenset[str](), 0
+    noise, healthy, columns, rows, units = NoiseTally(), None, frozenset[str](), 0, set[str]()
     for raw in portions():
         table = preflight.in_order(raw.used())
+        if not units.isdisjoint(table.unit.names):
+            # The rows of a unit do not stand together: a portion has a part of it.
+            return None
+        units.update(table.unit.names)
         try:
             found, used = preflight.inspect(recipe, table)
             if not checked:
