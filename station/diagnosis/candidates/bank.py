@@ -322,8 +322,8 @@ class Bank:
         bank = _assemble_bank([(self.candidates[i], self.codes[i], self.groups[i]) for i in chosen], moving=self.moving)
         if self.all_columns is None or not bank.made:
             return bank
-        place = {id(c): at for c, at in zip(self.candidates, self.place, strict=True)}
-        columns = np.concatenate([np.r_[place[id(m.candidate)]] for m in bank.made])
+        place = {(id(m.columns), m.code.tobytes()): m.at for m in self.made}
+        columns = np.concatenate([np.r_[place[id(m.columns), m.code.tobytes()]] for m in bank.made])
         return replace(bank, all_columns=self.all_columns.only(columns))
 
     def rows(self, layout: RowLayout, units: slice, made: Sequence[BankColumns] | None = None) -> DataColumns:
@@ -332,10 +332,10 @@ class Bank:
         if self.all_columns is not None:
             return self.all_columns.of_units(units).only(places(made))
         stops = layout.grid.part(units)[1]
-        stop = scattered(made, [m.candidate.columns.retained(layout.keep, stops) for m in made], stops)
+        stop = scattered(made, [m.columns.retained(layout.keep, stops) for m in made], stops)
         if not self.moving:
             return layout.columns(stop, None, units)
-        inside = [layout.scaled(dwell, stops) for m in made if (dwell := m.candidate.columns.dwell(stops)) is not None]
+        inside = [layout.scaled(dwell, stops) for m in made if (dwell := m.columns.dwell(stops)) is not None]
         flat = [dwell.reshape(len(dwell), -1, dwell.shape[-1]) for dwell in inside]
         return layout.columns(stop, scattered(made, flat, stops), units)
 
@@ -356,15 +356,15 @@ def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *,
     """The bank of candidates, with the group of each stop within its unit and how many groups there are. Columns of one
     width stand side by side."""
     keys = [None if c.scans_visits else (id(c.columns), code.tobytes()) for c, code, _ in items]
-    widths: dict[tuple[int, bytes], tuple[int, Candidate, NDArray[np.int32]]] = {}
+    widths: dict[tuple[int, bytes], tuple[int, StopColumns, NDArray[np.int32]]] = {}
     for key, (c, code, groups) in zip(keys, items, strict=True):
         if key is not None:
-            widths.setdefault(key, (groups * c.axes, c, code))
+            widths.setdefault(key, (groups * c.axes, c.columns, code))
     made: dict[tuple[int, bytes] | None, BankColumns] = {}
     end = 0
-    for key, (width, c, code) in sorted(widths.items(), key=lambda pair: pair[1][0]):
+    for key, (width, columns, code) in sorted(widths.items(), key=lambda pair: pair[1][0]):
         start, end = end, end + width
-        made[key] = BankColumns(c, code, slice(start, end))
+        made[key] = BankColumns(columns, code, slice(start, end))
     place = tuple(slice(0, 0) if key is None else made[key].at for key in keys)
     found, codes, lengths = (tuple(column) for column in zip(*items, strict=True)) if items else ((), (), ())
     return Bank(moving, found, codes, lengths, place, tuple(made.values()))

@@ -2,28 +2,26 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.candidates.columns import StopColumns
 from station.domain.core.types import Array, Floats
-
-if TYPE_CHECKING:
-    from station.diagnosis.candidates.bank import Candidate
 
 
 class BankColumns(NamedTuple):
-    """Columns of the bank: of which candidate, the group (v) of each stop within its unit, and where they stand."""
+    """Columns of the bank: those of one group, the group (v) of each stop within its unit, and where they stand."""
 
-    candidate: "Candidate"
+    columns: StopColumns
     code: NDArray[np.int32]
     at: slice
 
     @property
     def groups(self) -> int:
         """How many groups they are split into."""
-        return int(self.at.stop - self.at.start) // self.candidate.axes
+        return int(self.at.stop - self.at.start) // self.columns.count
 
 
 def places(made: Sequence[BankColumns]) -> Array | slice:
@@ -39,10 +37,10 @@ def scattered(made: Sequence[BankColumns], parts: Sequence[Floats], stops: slice
     row = np.arange(len(out))
     for m, columns, first, last in zip(made, parts, ends, ends[1:], strict=False):
         whole = out[..., first:last]
-        if whole.shape[-1] == m.candidate.axes:
+        if whole.shape[-1] == m.columns.count:
             # One group: its columns are whole.
             whole[...] = columns
             continue
-        by_group = whole.reshape(*out.shape[:2], -1, m.candidate.axes)
+        by_group = whole.reshape(*out.shape[:2], -1, m.columns.count)
         by_group[row, :, m.code[stops]] = columns
     return out

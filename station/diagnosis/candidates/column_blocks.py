@@ -5,7 +5,7 @@ of a cause that acts in each run by itself are zero in all others: they are laid
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,15 +54,15 @@ class ColumnBlock(NamedTuple):
         for first in range(0, len(self.made), step):
             some = self.made[first : first + step]
             if self.by_run:
-                some = tuple(m._replace(at=slice(0, m.candidate.axes)) for m in some)
+                some = tuple(m._replace(at=slice(0, m.columns.count)) for m in some)
             yield _axis_columns(some, layout, units) if self.one_axis else bank.rows(layout, units, some)
 
 
 def _axis_columns(made: Sequence[BankColumns], layout: RowLayout, units: slice) -> AxisColumns:
     grid, stops = layout.grid.part(units)
     gain = np.einsum("vii->vi", layout.keep[stops])
-    values = scattered(made, [m.candidate.columns.on_their_axes(gain, stops)[:, None] for m in made], stops)
-    axes = np.concatenate([m.candidate.columns.axis for m in made for _ in range(m.groups)])
+    values = scattered(made, [m.columns.on_their_axes(gain, stops)[:, None] for m in made], stops)
+    axes = np.concatenate([m.columns.axis for m in made for _ in range(m.groups)])
     return AxisColumns(VisitGrid(grid.slot, 1).spread(values), axes)
 
 
@@ -72,22 +72,28 @@ def column_blocks(bank: Bank, layout: RowLayout, *, whole: bool) -> list[ColumnB
     separate = not plain and layout.keeps_axes_apart
     of_shape: dict[tuple[int, bool, bool], list[BankColumns]] = {}
     for m in bank.made:
-        width, axes = m.at.stop - m.at.start, m.candidate.axes
+        width, axes = m.at.stop - m.at.start, m.columns.count
         by_run = not plain and width == axes * layout.grid.slot.shape[1] > axes and np.array_equal(m.code, runs)
-        one_axis = separate and m.candidate.columns.on_one_axis
+        one_axis = separate and m.columns.on_one_axis
         # What the bank has laid out already is not split.
         by_run = by_run and (one_axis or bank.all_columns is None)
         of_shape.setdefault((axes if by_run else width, by_run, one_axis), []).append(m)
-    return [_block(bank, tuple(made), *shape) for shape, made in of_shape.items()]
+    seen: dict[int, list[int]] = {}
+    for i, (c, at) in enumerate(zip(bank.candidates, bank.place, strict=True)):
+        if not c.scans_visits:
+            seen.setdefault(at.start, []).append(i)
+    return [_block(bank, seen, tuple(made), *shape) for shape, made in of_shape.items()]
 
 
-def _block(bank: Bank, made: tuple[BankColumns, ...], width: int, by_run: bool, one_axis: bool) -> ColumnBlock:
-    place = {(m.at.start, m.at.stop): i for i, m in enumerate(made)}
+def _block(
+    bank: Bank, seen: Mapping[int, list[int]], made: tuple[BankColumns, ...], width: int, by_run: bool, one_axis: bool
+) -> ColumnBlock:
+    """A block of some sets; seen: the candidates that see the set that begins at a column."""
     alike: dict[tuple[Pattern, int], list[tuple[int, int]]] = {}
-    for i, (c, groups, at) in enumerate(zip(bank.candidates, bank.groups, bank.place, strict=True)):
-        if not c.scans_visits and (at.start, at.stop) in place:
-            of_set = i, place[at.start, at.stop]
-            alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1), []).append(of_set)
+    for place, m in enumerate(made):
+        for i in seen[m.at.start]:
+            c, groups = bank.candidates[i], bank.groups[i]
+            alike.setdefault((c.pattern, groups if c.pattern == "scan" else 1), []).append((i, place))
     kinds = (
         ShapeGroup(tuple(i for i, _ in found), *shape, np.array([at for _, at in found], np.intp))
         for shape, found in alike.items()
