@@ -197,8 +197,11 @@ def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
     """The effect at every value of its shape that is scanned; times of a jump are those between the stops."""
     grid = {p.field: p.grid or (_thinned(candidate_jump_times(view)) if p.name == "at" else ()) for p in effect.forms}
     grid = {key: values for key, values in grid.items() if values}
+    frequency = [p.field for p in effect.forms if p.name == "frequency" and view.reduced.ringing_hz]
     for values in product(*grid.values()):
-        yield replace(effect, **dict(zip(grid, values, strict=True)))
+        shaped = replace(effect, **dict(zip(grid, values, strict=True)))
+        yield shaped
+        yield from (replace(shaped, **{field: view.reduced.ringing_hz}) for field in frequency)
     T = view.scene.temperature_degC
     if isinstance(effect, TemperaturePolynomial) and T is not None and float(np.ptp(T)) > MIN_BENT_RANGE_DEGC:
         for degree in (2, 3):

@@ -1,8 +1,9 @@
 """A table of very many samples, reduced some units at a time: memory follows the portion and not the table.
 
 Two passes. The first one checks each portion as a whole table is checked, looks for faults and adds up the noise of a
-sample; the second one reduces the visits and adds up the spectrum in which a tone would show. Where anything is out of
-the ordinary the samples must be seen together, and nothing comes of it: the table is then read whole.
+sample; the second one reduces the visits and adds up the spectrum in which a tone would show, and what the moves leave
+in the dwells. Where anything is out of the ordinary the samples must be seen together, and nothing comes of it: the
+table is then read whole.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +18,7 @@ from station.diagnosis.data.faults.healthy_units import HealthyUnits
 from station.diagnosis.data.faults.tone_search import ToneExtent, ToneSearch
 from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.data.reduce import ReducedPart, ReducedScene, join_parts, reduce_part
+from station.diagnosis.data.ringing import RingingSearch
 from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
 from station.diagnosis.data.visit_noise import NoiseTally
@@ -63,12 +65,18 @@ def reduce_portions(recipe: Recipe, portions: Portions) -> PortionedTable | None
         return None
     recipe, parts = found.recipe, list[ReducedPart]()
     tones = ToneSearch(recipe.device.rate_hz, found.extent) if found.extent and found.extent.shows_tones else None
+    ringing: RingingSearch | None = None
     for table in _used_portions(portions, found.kept):
         visit = visits_scene_of_table(recipe, table).visit
         if tones is not None:
             tones.add(table, visit)
+        ringing = ringing or RingingSearch.of(recipe, visit)
+        if ringing is not None:
+            ringing.add(table, visit)
         parts.append(reduce_part(table, visit, found.sigma))
     if tones is not None and tones.strongest() is not None:
+        return None
+    if ringing is not None and len(ringing.promising(found.sigma)):
         return None
     means = join([part.means for part in parts])
     used = SampleSource(found.samples, means.unit.names, lambda: _used_portions(portions, found.kept))

@@ -4,7 +4,8 @@ A dwell is cut into sub-blocks that grow with the time since its first sample (s
 blocks 0–.15–.4–1.0 s with the first one halved, so that a settling of .1 s shows its slope).
 Each block gives a Huber mean. The blocks of a stop are then turned into their weighted mean and into contrasts that
 are orthogonal to it: a cause that stands still during a dwell shows in the mean only, one that moves also in the
-contrasts, and the noise of the two is independent.
+contrasts, and the noise of the two is independent. Where the fixture rings faster than these blocks follow
+(`ringing.py`), the dwells are cut into quarters of its waves instead, as long as it rings.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.ringing import Ringing, find_ringing
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -22,6 +24,9 @@ from station.model.scene import COVARIATES, Scene, fit_temperature_slopes, scene
 
 #: Ends of the sub-blocks as shares of the dwell.
 BLOCK_EDGES = np.array([0.06, 0.15, 0.40, 1.0])
+#: Blocks a wave of what rings, time constants for which they go on, share of the dwell that they may take, and how many
+#: there are at most; beside them a block is longer by this factor at least.
+WAVE_BLOCKS, RINGS_FOR, MOST_OF_DWELL, MOST_BLOCKS, NEXT_BLOCK = 4, 3.0, 0.8, 20, 1.3
 #: Gauss–Legendre nodes of a block, in standard deviations of its samples' times about their mean, and their weights.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], [0.5]])
 #: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded. Rounds after which hardly any mean moves.
@@ -41,7 +46,8 @@ class ReducedScene:
     count (v, B) samples in each block; sigma: noise of a sample, from one to the next, axis_noise (3) that of each axis
     beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a stop's noise beside that of all,
     axis_excess (v, 3) that which `count` leaves to each axis; rate_error (v, modes): by what the rate of temperature
-    may be wrong, degC/s, each mode times a standard normal number a run.
+    may be wrong, degC/s, each mode times a standard normal number a run; edges (B): ends of the blocks as shares of a
+    dwell; ringing_hz: frequency of what rings within the dwells, 0 where nothing was found to.
     """
 
     scene: Scene
@@ -54,6 +60,8 @@ class ReducedScene:
     axis_noise: Floats = field(default_factory=lambda: np.ones(3))
     excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
     axis_excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
+    edges: Floats = field(default_factory=lambda: BLOCK_EDGES)
+    ringing_hz: float = 0.0
 
     def by_own_noise(self) -> "ReducedScene":
         """The same where each stop has the noise of its own samples: a noisier one counts as so many fewer at that of
@@ -102,23 +110,36 @@ def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     """The stops of a table. SamplesError when a position or seating is not in the recipe."""
     visit = visits_scene_of_table(recipe, table).visit
     sigma = sample_noise(table.reading, visit)
-    part = reduce_part(table, visit, sigma)
-    return join_parts(recipe, part.means, [part], sigma)
+    ringing = find_ringing(recipe, table, visit, sigma)
+    if ringing is None:
+        part = reduce_part(table, visit, sigma)
+        return join_parts(recipe, part.means, [part], sigma)
+    edges = _ringing_edges(ringing, float(np.median(_first_and_length(table.time_s, visit, int(visit.max()) + 1)[1])))
+    part = reduce_part(table, visit, sigma, edges)
+    return replace(join_parts(recipe, part.means, [part], sigma), ringing_hz=ringing.frequency_hz, edges=edges)
 
 
-def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats) -> ReducedPart:
-    """Some units of a table whose samples have the noise sigma (3); visit (n) of each row."""
+def _ringing_edges(ringing: Ringing, dwell_s: float) -> Floats:
+    """Ends of the sub-blocks that follow a ringing, as shares of a dwell."""
+    step = 1 / (WAVE_BLOCKS * ringing.frequency_hz * dwell_s)
+    last = min(RINGS_FOR * ringing.time_constant_s / dwell_s, MOST_OF_DWELL)
+    fine = step * np.arange(1, 1 + min(MOST_BLOCKS, max(1, round(last / step))))
+    return np.append(fine, BLOCK_EDGES[NEXT_BLOCK * fine[-1] < BLOCK_EDGES])
+
+
+def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edges: Floats = BLOCK_EDGES) -> ReducedPart:
+    """Some units of a table whose samples have the noise sigma (3); visit (n) of each row; edges (B) of the blocks."""
     stops = int(visit.max()) + 1
     first, length = _first_and_length(table.time_s, visit, stops)
     since = table.time_s - first[visit]
-    block = np.searchsorted(BLOCK_EDGES, np.minimum(since / length[visit], 1.0), side="left").astype(np.intp)
-    cell = visit * len(BLOCK_EDGES) + block
-    count = np.bincount(cell, minlength=stops * len(BLOCK_EDGES)).astype(float)
+    block = np.searchsorted(edges, np.minimum(since / length[visit], 1.0), side="left").astype(np.intp)
+    cell = visit * len(edges) + block
+    count = np.bincount(cell, minlength=stops * len(edges)).astype(float)
     reading = clip_outliers(table.reading, visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
-    found = huber_means(reading, table.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
+    found = huber_means(reading, table.time_s, cell, count, np.where(sigma > 0, sigma, np.inf), len(edges))
     means = visit_means(table, visit)
     late, spread = _times_of_blocks(table.time_s - means.time_s[visit], cell, count)
-    shape = stops, len(BLOCK_EDGES)
+    shape = stops, len(edges)
     return ReducedPart(
         means,
         np.bincount(visit, since, stops) / np.bincount(visit, minlength=stops),
@@ -197,8 +218,15 @@ def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: N
     return winsorised
 
 
-def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: Floats, scale: Floats) -> Floats:
-    """Huber's location (cells, k) of values (n, k) in each cell, at the mean time of the cell's samples.
+def huber_means(
+    values: Floats,
+    time_s: Floats,
+    cell: NDArray[np.intp],
+    count: Floats,
+    scale: Floats,
+    blocks: int = len(BLOCK_EDGES),
+) -> Floats:
+    """Huber's location (cells, k) of values (n, k) in each cell, so many of a stop, at the mean time of its samples.
 
     A straight line in time is taken off first, and a cell that spreads wider than scale (k) is clipped wider: what
     moves within a block is not an outlier.
@@ -207,7 +235,7 @@ def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: F
     late = time_s - (np.bincount(cell, time_s, len(count)) / filled)[cell]
     room = np.maximum(np.bincount(cell, late**2, len(count)), 1e-300)
     mean = np.empty((len(count), values.shape[1]))
-    for rows, cells in _portions(cell, len(count)):
+    for rows, cells in _portions(cell, len(count), blocks):
         of, weights = cell[rows] - cells.start, (filled[cells], room[cells])
         for axis, column in enumerate(values[rows].T):
             mean[cells, axis] = _huber_mean(np.ascontiguousarray(column), late[rows], of, weights, float(scale[axis]))
@@ -232,15 +260,15 @@ def _huber_mean(
     return mean
 
 
-def _portions(cell: NDArray[np.intp], cells: int) -> list[tuple[slice, slice]]:
+def _portions(cell: NDArray[np.intp], cells: int, blocks: int) -> list[tuple[slice, slice]]:
     """Rows and cells of whole stops that are small enough for a processor's cache; one portion of all rows where those
     of a stop do not stand together."""
-    stop = cell // len(BLOCK_EDGES)
+    stop = cell // blocks
     begins = np.flatnonzero(np.diff(stop, prepend=-1))
     if np.any(np.diff(stop[begins]) < 0):
         return [(slice(0, len(cell)), slice(0, cells))]
     begins = begins[np.diff(begins // SAMPLES_AT_ONCE, prepend=-1) > 0]
-    rows, first = [*begins.tolist(), len(cell)], [0, *(stop[begins[1:]] * len(BLOCK_EDGES)).tolist(), cells]
+    rows, first = [*begins.tolist(), len(cell)], [0, *(stop[begins[1:]] * blocks).tolist(), cells]
     return [(slice(*r), slice(*c)) for r, c in zip(pairwise(rows), pairwise(first), strict=True)]
 
 

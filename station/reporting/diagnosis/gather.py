@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.data.reduce import BLOCK_EDGES, ReducedScene, mean_and_contrasts
+from station.diagnosis.data.reduce import ReducedScene, mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.line_impact import cause_contribution, new_causes
@@ -91,8 +91,8 @@ def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]])
     weight = predicted[:, 0] - predicted[:, -1]
     total = max(float(np.abs(weight).sum()), 1e-300)
     level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (remaining, predicted)]
-    ends = [0.0, *BLOCK_EDGES]
-    names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, BLOCK_EDGES, strict=False))
+    ends = [0.0, *r.edges]
+    names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, r.edges, strict=False))
     rest = _blocks(r, r.mean - now[0], r.contrast - now[1])
     scatter = np.nanmean((rest - rest[:, -1:]) ** 2, axis=(0, 2))
     std = np.sqrt(scatter * float(np.sum((weight / total) ** 2)))

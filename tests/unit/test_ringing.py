@@ -1,0 +1,82 @@
+"""What rings within the dwells is found in the samples, followed by finer blocks, and named."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.data.reduce import BLOCK_EDGES, reduce_samples
+from station.diagnosis.data.ringing import FALSE_RINGINGS, find_ringing
+from station.diagnosis.data.visit_noise import sample_noise
+from station.domain.core.types import SampleTable
+from station.domain.recipe.recipe import Recipe
+from station.model.scene import visits_scene_of_table
+from tests.blind.bench import World, hide
+from tests.blind.inspection import diagnosis_of
+from tests.blind.recipes import recipe
+
+
+def fast() -> Recipe:
+    """One run of tilts at 100 samples a second, measured at once on arrival."""
+    one = recipe(1)
+    return one.model_copy(update={"device": one.device.model_copy(update={"rate_hz": 100.0})})
+
+
+def swing(frequency_hz: float, constant_s: float) -> Any:
+    """What every move leaves on each axis in proportion, dying away, as a wave or not."""
+
+    def hidden(w: World, rng: Any) -> tuple[Any, Any]:
+        wave = np.exp(-w.away / constant_s) * np.cos(2 * np.pi * frequency_hz * w.away)
+        return w.a, (w.before - w.a) * rng.amplitude(1e-3, (3,)) * wave[:, None]
+
+    return hidden
+
+
+def ringing(table: SampleTable) -> Any:
+    visit = visits_scene_of_table(fast(), table).visit
+    return find_ringing(fast(), table, visit, sample_noise(table.reading, visit))
+
+
+@pytest.mark.parametrize(("frequency_hz", "constant_s"), [(7.0, 0.25), (11.0, 0.15)])
+def test_a_ringing_faster_than_the_blocks_of_a_dwell_is_named_with_its_frequency(
+    frequency_hz: float, constant_s: float
+) -> None:
+    table, _ = hide(fast(), swing(frequency_hz, constant_s), 4, units=2, d=12)
+    found = diagnosis_of(fast(), table)
+    assert [cause.finding.name for cause in found.causes] == ["settling"]
+    estimate = found.causes[0].estimate
+    assert estimate is not None
+    form = {f.field: f for f in estimate.form}
+    assert abs(form["frequency_hz"].value - frequency_hz) < 4 * form["frequency_hz"].std
+    assert abs(form["time_constant_s"].value - constant_s) < 4 * form["time_constant_s"].std
+
+
+@pytest.mark.parametrize("constant_s", [0.045, 0.1, 0.2])
+def test_what_dies_away_without_a_wave_is_no_ringing_however_large(constant_s: float) -> None:
+    table, _ = hide(fast(), swing(0.0, constant_s), 5, units=2, d=150)
+    assert ringing(table) is None
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.7, -0.6])
+def test_noise_of_any_colour_rings_as_seldom_as_stated(kept: float) -> None:
+    table, _ = hide(fast(), None, 6, units=2)
+    visits, sets = int(table.visit.max() + 1) * 2, 60
+    found = 0
+    for seed in range(sets):
+        noise = np.random.default_rng(seed).standard_normal((visits, 120, 3))
+        for i in range(1, 120):
+            noise[:, i] += kept * noise[:, i - 1]
+        found += ringing(replace(table, reading=table.reading + 5e-3 * noise[:, 20:].reshape(-1, 3))) is not None
+    # More than two of 60 at that chance are rarer than one in 300.
+    assert FALSE_RINGINGS * sets < 0.31
+    assert found <= 2
+
+
+def test_where_nothing_rings_the_blocks_are_those_of_any_dwell() -> None:
+    quiet, loud = (hide(fast(), hidden, 7, units=2, d=40)[0] for hidden in (None, swing(11.0, 0.15)))
+    assert reduce_samples(fast(), quiet).edges is BLOCK_EDGES
+    found = reduce_samples(fast(), loud)
+    assert found.count.shape[1] == len(found.edges) > len(BLOCK_EDGES)
+    # Four blocks a wave.
+    assert np.diff(found.edges[:8]) == pytest.approx(1 / (4 * found.ringing_hz), rel=0.05)
