@@ -81,6 +81,17 @@ def test_a_gold_that_moved_does_no_harm_to_what_is_found_of_the_units() -> None:
     assert diagnosis_of(recipe, table, extend_model(Model(), first)).verdict == "none"
 
 
+def test_two_causes_of_the_device_are_found_beside_a_gold() -> None:
+    """Together they left nothing, but a kernel of their many numbers was ahead by less than one part in a hundred."""
+    shown = load_recipe("tilt-24").model_dump(by_alias=True)
+    reference = {"source": "gold", "magnitude": 1.0, "gold": CERTIFICATE}
+    recipe = Recipe.model_validate({**shown, "reference": reference})
+    wanted = ("cross-axis=0.001", "package-rotation=0.001")
+    table = simulate(SimulationJob(recipe, UNITS[:2], 5, parse_effects(wanted, recipe))).table
+    first = diagnosis_of(recipe, table)
+    assert (first.verdict, {c.finding.name for c in first.causes}) == ("named", {"cross-axis", "package-rotation"})
+
+
 def test_without_a_gold_neither_can_be_shown() -> None:
     recipe = load_recipe("six-point")
     shown = diagnosis_of(recipe, simulate(SimulationJob(recipe, UNITS[:2], 12)).table).not_testable

@@ -14,6 +14,7 @@ from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.chain_starts import first_of_chains, parts_of_cause
 from station.diagnosis.search.finding import (
+    KERNEL_MARGIN,
     CauseFinding,
     cause_finding,
     depends_on,
@@ -266,8 +267,9 @@ class CauseSearch:
         causes = first_of_chains(state.problem, ranks, kernel)
         tried = [self._chain_from(first, state, ranks, before) for first in causes]
         value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
-        # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to.
-        margin = UNKNOWN_NATS if found and found[-1][1].alarms else 0.0
+        # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to. Where
+        # nothing is left, the kernel must beat them by its share, as it must beat a single cause.
+        margin = UNKNOWN_NATS if found and found[-1][1].alarms else -KERNEL_MARGIN * value
         return found if value >= target + margin else []
 
     def _chain_from(
