@@ -102,6 +102,9 @@ def test_axes_in_different_units_are_told_by_the_odd_one(
     pose /= np.linalg.norm(pose, axis=1, keepdims=True)
     reading = pose * [0.2, 0.2, 1.96] + 1e-4 * rng.standard_normal(pose.shape)
     assert "Unit A: axis z responds 9.8 times" in refusal(command, reading, tmp_path, capsys)
+    # So large an axis hides that the unit was turned at all.
+    reading = pose * [1.0, 1000.0, 1.0] + 1e-3 * rng.standard_normal(pose.shape)
+    assert "Unit A: axis y responds" in refusal(command, reading, tmp_path, capsys)
 
 
 @pytest.mark.parametrize("command", ["calibrate", "diagnose"])

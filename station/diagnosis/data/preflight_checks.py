@@ -27,6 +27,9 @@ RATE = 0.05
 SAME_STEP = 1.5
 #: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
 SAME_RATIO = 0.05
+#: An axis that ranges so many times as far as the others, and also rests in the middle third of its range while they do
+#: not show what it leaves to them, is in another unit.
+APART = 5.0
 #: White noise above this share of the mean readings leaves no stimulus to see.
 DROWNED = 1.0
 #: Temperatures that range over more than this are a reason to stay in one pose.
@@ -74,6 +77,26 @@ def check_signal(recipe: Recipe, found: InferredSheet, size: float) -> None:
     noise = float(np.linalg.norm(found.noise))
     if recipe.reference.source != "rate" and noise > DROWNED * size:
         raise SamplesError("noise-above-stimulus", noise=noise, size=size, unit=recipe.unit)
+
+
+def check_axes_alike(recipe: Recipe, table: SampleTable, mean: Floats, unit: Ints) -> None:
+    """Errors: SamplesError where one axis of a unit is so much larger than the others that all its poses look like two.
+    mean (v, 3), unit (v): of the visits."""
+    if recipe.pose_known or recipe.reference.source == "rate":
+        return
+    for u in np.unique(unit):
+        own = mean[unit == u]
+        reach = np.ptp(own, axis=0)
+        odd, others = int(np.argmax(reach)), np.delete(np.arange(3), np.argmax(reach))
+        ratio = float(reach[odd] / max(np.median(reach), 1e-300))
+        half = np.abs(own[:, odd] - (own[:, odd].max() + own[:, odd].min()) / 2)
+        # Where it is level, gravity lies in the other two.
+        level = own[half < reach[odd] / 6][:, others]
+        shown = np.linalg.norm(level, axis=1).min(initial=np.inf) > reach[odd] / 4
+        turned = reach[odd] > np.abs(own[:, odd]).max()
+        if turned and APART < ratio < 1e6 and len(level) and not shown:
+            serial = table.unit.names[int(u)]
+            raise SamplesError("axis-responds-apart", serial=serial, axis="xyz"[odd], ratio=ratio)
 
 
 def check_poses(recipe: Recipe, poses: int, table: SampleTable, turned: Message | None) -> None:
