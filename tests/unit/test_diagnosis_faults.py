@@ -16,7 +16,7 @@ from station.model.simulate import SimulationJob, simulate
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
 from tests.blind.inspection import diagnosis_of
-from tests.blind.recipes import recipe
+from tests.blind.recipes import recipe, six_faces
 
 RECIPE = recipe(1).model_copy(
     update={"device": recipe(1).device.model_copy(update={"lsb": 1e-5, "full_scale": 2.0, "counter_bits": 8})}
@@ -133,6 +133,20 @@ def test_a_saturated_unit_is_found_and_its_stops_are_left_out() -> None:
     ]
     assert np.abs(looked.table.reading[looked.table.unit.code == 1]).max() < 0.9
     assert len(looked.table) < len(made)
+
+
+@pytest.mark.parametrize("seed", [9, 21, 27, 39])
+def test_a_limit_near_the_stimulus_cuts_some_stops_whole_and_touches_others(seed: int) -> None:
+    """Offset and gain take one face far beyond the limit and another to the ends of its noise: held-out stops of either
+    kind speak for the limit."""
+    faces = six_faces("listed")
+    faces = faces.model_copy(update={"device": faces.device.model_copy(update={"lsb": 6e-5, "full_scale": 2.0})})
+    made, _ = hide(faces, None, seed, units=3)
+    limit = np.round(np.random.default_rng(seed).uniform(0.96, 1.01) / 6e-5) * 6e-5
+    looked = found(replace(made, reading=np.clip(np.round(made.reading / 6e-5) * 6e-5, -limit, limit)), faces)
+    gain = looked["clipping"].gain
+    assert gain is not None
+    assert gain.accepted
 
 
 def test_an_offset_beside_which_nothing_changes_is_no_tumble() -> None:

@@ -1,13 +1,13 @@
 """Saturation: a reading that stays at one extreme value while others show noise."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.gross_fault import (
     FaultParameter,
     GrossFault,
     block_gain,
-    halves_of,
     rows_of_units,
     unit_label,
 )
@@ -100,7 +100,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     axis, value = _named_limits(next(iter(limits.values())))[0]
     where = f"at {f'{axis} = ' if axis else '±'}{value:.4g} {recipe.unit}"
     sentence = f"{int(bad.sum())} samples stand still {where}"
-    scores = [_held_out_scores(table.reading[rows], stop[rows], limits[u], recipe.device.lsb)
+    scores = [_scores(table.reading[rows], stop[rows], limits[u], recipe.device.lsb)
               for u, rows in enumerate(rows_of_units(table.unit)) if u in limits]  # fmt: skip
     gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
     return [GrossFault("clipping", "unit", numbers, sentence, float(bad.sum()), gain=gain)]
@@ -114,33 +114,25 @@ def _named_limits(limits: Floats) -> list[tuple[str | None, float]]:
     return [("xyz"[i], float(limits[side, i])) for side, i in np.argwhere(np.isfinite(limits))]
 
 
-def _held_out_scores(reading: Floats, stop: NDArray[np.intp], limits: Floats, lsb: float) -> tuple[Floats, Floats]:
-    """Of each stop of a unit (s): by how much likelier its samples are where the share of them that stands exactly at
-    the limit is that of the other half of the clipped stops, than where all are noise; and how many samples these are,
-    0 in stops that no limit touches.
+def _scores(reading: Floats, stop: NDArray[np.intp], limits: Floats, lsb: float) -> tuple[Floats, Floats]:
+    """Of each stop of a unit (s): by how much likelier its samples are where some share of them stands exactly at the
+    limit, than where all are noise; and how many samples these are, 0 in stops that no limit touches.
 
-    Noise puts at most lsb/(σ·√2π) of the samples on one value, σ the median spread of the stops that are not clipped.
+    Every share is as likely beforehand, ∫ p^k (1 − p)^(n−k) dp = B(k + 1, n − k + 1): a limit cuts a stop whole that
+    reaches far beyond it, and touches another with the ends of its noise. Noise puts at most lsb/(σ·√2π) of the samples
+    on one value, σ the median spread of the stops that are not clipped.
     """
     where = stop - stop[0]
     count = np.bincount(where)
     share = _share(_stands(reading, limits), where)
-    half = halves_of(len(count))
     sigma = _spread(reading, where, share == 0)
     resolution = max(lsb, RESOLUTION_SHARE * sigma)
     chance = float(np.clip(resolution / (sigma * np.sqrt(2 * np.pi)), 1e-12, 0.999))
-    score, samples = np.zeros(len(count)), np.zeros(len(count))
-    for part in (0, 1):
-        for axis in range(3):
-            fitted = share[(half != part) & (share[:, axis] > 0), axis]
-            judged = (half == part) & (share[:, axis] > 0)
-            if not len(fitted):
-                continue
-            fitted_share = float(np.clip(fitted.mean(), 0.5 / count.max(), 1 - 0.5 / count.max()))
-            hits = share[judged, axis] * count[judged]
-            rest = count[judged] - hits
-            score[judged] += hits * np.log(fitted_share / chance) + rest * np.log((1 - fitted_share) / (1 - chance))
-            samples[judged] += count[judged]
-    return score, samples
+    hits = share * count[:, None]
+    rest = count[:, None] - hits
+    score = scipy.special.betaln(hits + 1, rest + 1) - hits * np.log(chance) - rest * np.log1p(-chance)
+    touched = share > 0
+    return np.where(touched, score, 0.0).sum(axis=1), touched.sum(axis=1) * count.astype(float)
 
 
 def _spread(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> float:
