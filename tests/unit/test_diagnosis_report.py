@@ -243,6 +243,22 @@ def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
     assert "settling within the dwell" in page.lead.svg
 
 
+@pytest.mark.parametrize(("effect", "axis"), [("bias-walk", "visit within the run"), ("repeatability", "x-up")])
+def test_scatter_is_shown_over_what_makes_it_with_how_far_its_size_reaches(effect: str, axis: str) -> None:
+    size = [{"name": "size", "axis": None, "of": "common", "value": 1e-3, "std": 1e-5, "unit": "g"}]
+    felt = np.eye(3)[np.arange(16) % 3]
+    more: dict[str, Any] = {
+        "signatures": (),
+        "felt": felt,
+        "floor": {"noise": 7e-5, "bias_walk": 1e-3, "repeatability_rad": 1e-3},
+    }
+    page = build_page(some_data("named", [a_cause(effect, parameters=size)], **more))
+    assert page.lead is not None
+    words = {t.text for t in ET.fromstring(page.lead.svg).iter("{http://www.w3.org/2000/svg}text")}
+    assert {axis, "where 95 % of visits lie by the cause", "noise of one visit, 95 %"} <= words
+    assert "The cause is right where most visits fill the orange" in page.lead.caption
+
+
 def a_line(*serials: str) -> dict[str, Any]:
     """Two units that a cause makes fail, the first by more."""
     first, second = serials or ("SN0000", "SN0001")

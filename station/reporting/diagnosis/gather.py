@@ -96,7 +96,7 @@ def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]])
     rest = _blocks(r, r.mean - now[0], r.contrast - now[1])
     scatter = np.nanmean((rest - rest[:, -1:]) ** 2, axis=(0, 2))
     std = np.sqrt(scatter * float(np.sum((weight / total) ** 2)))
-    return DwellCourse(names, level[0], level[1], std)
+    return DwellCourse(names, level[0], level[1], std, np.sqrt(scatter))
 
 
 def _blocks(r: ReducedScene, mean: Floats, contrast: Floats) -> Floats:

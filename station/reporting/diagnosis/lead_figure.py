@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from station.reporting.diagnosis import clock_course, partial_residual, plots, tables
+from station.reporting.diagnosis import clock_course, partial_residual, plots, scatter_figure, tables
 from station.reporting.diagnosis.cause_text import drawn_over
 from station.reporting.diagnosis.data import DwellCourse, DwellSamples, ReportData, ToneSpectrum
 from station.reporting.diagnosis.finding_text import leading_cause
@@ -42,6 +42,8 @@ def draw(data: ReportData) -> CaptionedFigure | None:
 
 def cause_figure(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure | None:
     """The residual against what the cause depends on; None of a cause that moves no means."""
+    if scatter := scatter_figure.draw(data, cause):
+        return scatter, report_text("caption-scatter")
     signature, over = data.signature(cause["effect"]), drawn_over(cause["effect"])
     if over == "dwell" and data.dwell is not None:
         return dwell_figure(data.dwell, data.unit_of_readings, cause["effect"]), report_text("caption-dwell")
@@ -89,7 +91,15 @@ def dwell_figure(course: DwellCourse, unit: str, effect: str) -> str:
     wide = 1.96 * factor * (np.zeros(len(at)) if course.std is None else course.std)
     measured = course.residual * factor
     low, high = (measured - wide).tolist(), (measured + wide).tolist()
+    noise = 1.96 * factor * (np.zeros(len(at)) if course.noise is None else course.noise)
     series = (
+        Series(
+            *(at, [0.0] * len(at), report_text("legend-noise")),
+            kind="line",
+            low=(-noise).tolist(),
+            high=noise.tolist(),
+            colour=5,
+        ),
         Series(at, (course.signature * factor).tolist(), report_text("legend-cause"), kind="line", colour=1),
         Series(at, measured.tolist(), report_text("legend-measured"), low=low, high=high),
     )
