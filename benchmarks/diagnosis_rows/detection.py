@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 from diagnosis_rows import oracle
-from diagnosis_rows.bank_bound import least_ratio
+from diagnosis_rows.bank_bound import SHARES, STILL, AllForms, least_ratio
 from diagnosis_rows.figures import Array, Figure, at_most, bootstrapped, share
 from diagnosis_rows.trials import First, Request, first_diagnosis
 from scipy.stats import norm
@@ -56,15 +56,23 @@ def power(seed: int, sets: int) -> list[Figure]:
             len(data),
             lambda r: at_most(r, 1.20),
         ),
-        least_possible(),
+        *least_possible(),
         share("  it alarms at 1.25 times the oracle's amplitude", fired[np.isclose(multiple, 1.25)].tolist()),
     ]
 
 
-def least_possible() -> Figure:
-    """What no search among so many causes can undercut."""
-    bound = least_ratio()
-    return Figure("  the least that a search for all of them can reach", bound, bound, bound, len(KNOWN))
+def least_possible() -> list[Figure]:
+    """What no search among so many causes can undercut: told that nothing walks; and where a healthy floor may."""
+    of = AllForms.of(1)
+    still, _ = least_ratio(of, STILL)
+    walking, alone = max((least_ratio(of, shares) for shares in SHARES), key=lambda found: found[0])
+    most = sorted(alone, key=lambda name: -alone[name])[:5]
+    note = ", ".join(f"{name} {alone[name]:.2f}" for name in most)
+    words = "  the least that a search for all of them can reach"
+    return [
+        Figure(words, still, still, still, len(KNOWN)),
+        Figure(f"{words} where a floor may walk", walking, walking, walking, len(KNOWN), note=note),
+    ]
 
 
 def multiple_for_power(multiple: Array, fired: Array) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,12 @@ from diagnosis_rows.trials import Request, Trial, shown
 
 from station.config.recipes import load_recipe
 from station.diagnosis.planning.next_run import next_run
+from station.diagnosis.planning.proposal import Proposal
 from station.diagnosis.results.diagnose import Diagnosis
+from station.domain.core.joined_tables import join
+from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
-from tests.blind.bench import Hidden, World, hide
+from tests.blind.bench import WHITE, Floor, Hidden, World, hide, world
 from tests.blind.hidden import KNOWN, adds
 from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import RATE_HZ, recipe
@@ -133,14 +137,19 @@ class Taped:
 
 @dataclass(frozen=True)
 class Parted:
-    """What came of the next run: whether one was proposed; the tied causes before and after it, the leader
+    """What came of a next run: whether one was proposed; the tied causes before and after it, the leader
     first; the chance promised."""
 
     name: str
     before: tuple[str, ...]
-    proposed: bool
     after: tuple[str, ...] = ()
     promised: float = 0.0
+    change: str = ""
+
+    @property
+    def proposed(self) -> bool:
+        """Whether a run was proposed."""
+        return bool(self.change)
 
     @property
     def leads(self) -> bool:
@@ -153,9 +162,32 @@ class Parted:
         return self.leads and not set(self.after) & (set(self.before) - {self.name})
 
 
-def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
-    """Measures one run, then all that is proposed, of the same cause in the same units; None where one run does not
-    leave the right cause tied with another."""
+@dataclass(frozen=True)
+class Tied:
+    """A cause hidden in a campaign that did not tell it from others, which the same units may go through again."""
+
+    name: str
+    found: Diagnosis
+    before: tuple[str, ...]
+    again: Hidden
+    table: SampleTable
+    measure: Callable[[Recipe, Hidden, int], SampleTable]
+    seed: int
+
+    def after(self, proposal: Proposal) -> Parted:
+        """What comes of measuring the runs that are proposed, diagnosed together with those there are."""
+        more = self.measure(proposal.recipe, self.again, self.seed + 500)
+        more = more[more.run > self.table.run.max()]
+        after = _set_of(self.name, diagnosis_of(proposal.recipe, join([self.table, more])))
+        made = Parted(self.name, self.before, after, proposal.certainty, proposal.change)
+        if not made.resolved:
+            shown = f"{'/'.join(self.before)} → {proposal.change}, {proposal.certainty:.2f} → {'/'.join(after)}"
+            print(f"    {self.name} seed {self.seed}: {shown}", flush=True)
+        return made
+
+
+def tied(name: str, seed: int, d: float, of: Recipe, units: int = 4, floor: Floor = WHITE) -> Tied | None:
+    """A cause hidden at strength d; None where the diagnosis does not leave it tied with another."""
     tape: list[Any] = []
 
     def first(w: World, rng: Any) -> tuple[Array, Array]:
@@ -165,22 +197,28 @@ def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
     def again(w: World, rng: Any) -> tuple[Array, Array]:
         return KNOWN[name](w, Taped(rng, [*tape], again=True))  # type: ignore[arg-type]
 
-    table, _ = hide(recipe(1), first, seed, d=d)
-    found = diagnosis_of(recipe(1), table)
+    # A single unit has a single nest.
+    here = partial(hide, units=units, floor=floor, made=seed, world_of=partial(world, nests=min(units, 2)))
+    table, _ = here(of, first, seed, d=d)
+    found = diagnosis_of(of, table)
     before = _set_of(name, found)
-    if len(before) < 2:
-        return None
-    _, proposal = next_run(found)
+    return Tied(name, found, before, again, table, lambda *of: here(*of)[0], seed) if len(before) > 1 else None
+
+
+def parted(name: str, seed: int, d: float = 12.0) -> Parted | None:
+    """Measures one run, then all that is proposed, of the same cause in the same units; None where one run does not
+    leave the right cause tied with another."""
+    first = tied(name, seed, d, recipe(1))
+    return None if first is None else proposed(first)
+
+
+def proposed(first: Tied) -> Parted:
+    """What comes of the run that is proposed."""
+    _, proposal = next_run(first.found)
     if proposal is None:
-        print(f"    {name} seed {seed}: {'/'.join(before)}: no run proposed", flush=True)
-        return Parted(name, before, proposed=False)
-    table, _ = hide(proposal.recipe, again, seed + 500)
-    after = _set_of(name, diagnosis_of(proposal.recipe, table))
-    made = Parted(name, before, proposed=True, after=after, promised=proposal.certainty)
-    if not made.resolved:
-        shown = f"{proposal.change}, {proposal.certainty:.2f}"
-        print(f"    {name} seed {seed}: {'/'.join(before)} → {shown} → {'/'.join(made.after)}", flush=True)
-    return made
+        print(f"    {first.name} seed {first.seed}: {'/'.join(first.before)}: no run proposed", flush=True)
+        return Parted(first.name, first.before)
+    return first.after(proposal)
 
 
 def _set_of(name: str, found: Diagnosis) -> tuple[str, ...]:
@@ -192,13 +230,13 @@ def resolved(seed: int, sets: int) -> list[Figure]:
     """Row 11."""
     requested = [(name, 1000 * i + n) for i, name in enumerate(TIED_ONCE) for n in range(2 * sets)]
     tried = [parted(name, seed * 10**6 + 950_000 + n) for name, n in requested]
-    tied = [t for t in tried if t is not None]
+    ties = [t for t in tried if t is not None]
     return [
-        share("next run names the right one of those tied, d = 12", [t.resolved for t in tied], _ninety),
-        _promise([t for t in tied if t.proposed]),
-        share("  the right one leads", [t.leads for t in tied]),
-        share("  it is tied with fewer", [t.proposed and len(t.after) < len(t.before) for t in tied]),
-        share("  a run was proposed", [t.proposed for t in tied]),
+        share("next run names the right one of those tied, d = 12", [t.resolved for t in ties], _ninety),
+        _promise([t for t in ties if t.proposed]),
+        share("  the right one leads", [t.leads for t in ties]),
+        share("  it is tied with fewer", [t.proposed and len(t.after) < len(t.before) for t in ties]),
+        share("  a run was proposed", [t.proposed for t in ties]),
         share("  tied after one run", [t is not None for t in tried]),
     ]
 

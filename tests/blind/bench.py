@@ -195,10 +195,17 @@ def _sway(rng: np.random.Generator) -> Callable[[Array], tuple[Array, Array]]:
     )
 
 
-def readings(w: World, felt: Array, added: Array, floor: Floor, rng: np.random.Generator) -> Array:
-    """What the units read: their own offset and gain, the hidden thing, the floor."""
-    units = int(w.unit.max()) + 1
-    offset, gain = 0.02 * rng.standard_normal((units, 3)), 1 + 0.01 * rng.standard_normal((units, 3))
+def readings(
+    w: World,
+    felt: Array,
+    added: Array,
+    floor: Floor,
+    rng: np.random.Generator,
+    made: np.random.Generator | None = None,
+) -> Array:
+    """What the units read: their own offset and gain, by which they were `made`, the hidden thing, the floor."""
+    units, made = int(w.unit.max()) + 1, made or rng
+    offset, gain = 0.02 * made.standard_normal((units, 3)), 1 + 0.01 * made.standard_normal((units, 3))
     sigma = floor.density * np.sqrt(w.recipe.device.rate_hz / 2)
     noise = rng.standard_normal(felt.shape)
     if np.isfinite(floor.tail):
@@ -273,8 +280,11 @@ def hide(
     size: float = 1.0,
     without: tuple[str, ...] = (),
     world_of: Callable[..., World] = world,
+    made: int | None = None,
 ) -> tuple[SampleTable, Mapping[str, float]]:
-    """A table with something hidden at strength d, or at `size` times its usual size; and what is true of it."""
+    """A table with something hidden at strength d, or at `size` times its usual size; and what is true of it.
+
+    made: tables with the same one are of the same units."""
     rng = np.random.default_rng([seed, 77])
     w = world_of(recipe, units, rng)
     if hidden is None:
@@ -287,7 +297,8 @@ def hide(
             rng.bit_generator.state = stored
             felt, added = _scaled(w, hidden, rng, size)
     truth = {"size": size, "d": strength(w, felt, added, floor.density)}
-    return table(w, readings(w, felt, added, floor, rng), rng, without), truth
+    units_made = None if made is None else np.random.default_rng([made, 78])
+    return table(w, readings(w, felt, added, floor, rng, units_made), rng, without), truth
 
 
 class Scaled(np.random.Generator):

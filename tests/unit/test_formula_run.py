@@ -5,8 +5,9 @@ import pytest
 
 from station.diagnosis.discovery.term_fit import TermFit, candidate_of
 from station.diagnosis.planning.formula_run import _rated, share_beyond
+from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns, plan_campaign
-from station.diagnosis.planning.proposal import MeasuredCampaign, best_proposal
+from station.diagnosis.planning.proposal import best_proposal
 from station.diagnosis.search.distinguishability import SignatureAxes, distinct_share
 from station.domain.core.types import Floats
 from station.model.formula.term import Term
@@ -48,7 +49,7 @@ def test_curves_of_temperature_are_parted_beyond_the_temperatures_so_far(plan: P
         for m, about, rms in (("temperature", 15.0, 1e-4), ("temperature-squared", 3.0, 4e-6))
     ]
     campaign = MeasuredCampaign(recipe(), 4, 2, plan.problem.fit().floor)
-    rated = list(_rated(campaign, PlannedRuns.measured(recipe()), [tuple(fits)], campaign.floor))
+    rated = list(_rated(campaign, PlannedRuns.measured(recipe()), [tuple(fits)]))
     best = best_proposal(rated)
     beyond = ("one run 20 °C warmer", "one run 10 °C colder")
     assert best is not None and best.change in beyond

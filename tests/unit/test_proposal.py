@@ -1,10 +1,16 @@
 """The next run of ties that a diagnosis may end in."""
 
+import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, MeasuredCampaign, propose
+from station.diagnosis.planning.measured import MeasuredCampaign
+from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
+from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, propose, run_menu
+from station.domain.core.types import SampleTable
+from station.model.simulate import SimulationJob, simulate
+from station.model.simulated_line import SimulatedLine
 from station.wiring.jobs import load_job
 
 
@@ -17,3 +23,37 @@ def test_a_tie_with_a_variance_of_the_floor_is_no_pair_to_part(variance: str) ->
     campaign = MeasuredCampaign(recipe, units=2, nests=2, floor=NoiseFloor(1e-4, 0.0, 0.0))
     proposal = propose(campaign, [CauseTie(found, (variance,))])
     assert proposal is None
+
+
+def once_measured(units: int) -> tuple[MeasuredCampaign, SampleTable]:
+    """Six faces, gone through once in a room of 31 °C that nobody plans."""
+    recipe = load_job("six-point")[0].recipe
+    job = SimulationJob(recipe, tuple(f"SN{i}" for i in range(units)), 5, line=SimulatedLine(room_degC=31.0))
+    table = simulate(job).table
+    return MeasuredCampaign(recipe, units, 2, NoiseFloor(7e-5, 0.0, 0.0), samples=table), table
+
+
+def with_one_more(campaign: MeasuredCampaign, words: str) -> PlannedCampaign:
+    now = PlannedRuns.measured(campaign.recipe)
+    return campaign.gone_on(next(longer for text, longer in run_menu(campaign, now) if text.startswith(words)))
+
+
+def test_a_plan_holds_what_was_measured_as_it_was_and_units_go_on_to_the_next_nest() -> None:
+    campaign, table = once_measured(units=2)
+    scene = with_one_more(campaign, "one run once more in the next nest").problem.view.scene
+    assert scene.temperature_degC is not None
+    old = scene.visits.run == 0
+    measured = [table.values["temperature_degC"][(table.unit.code == 0) & (table.visit == v)].mean() for v in range(6)]
+    assert scene.temperature_degC[old][:6] == pytest.approx(measured, abs=1e-6)
+    code, _ = scene.visits.group("nest", 1)
+    assert len(np.unique(code)) == 2
+    for unit in range(2):
+        mine = scene.visits.unit.code == unit
+        assert np.all(code[mine & ~old] == 1 - code[mine & old][0])
+
+
+def test_a_slow_run_is_as_much_more_certain_as_it_is_longer() -> None:
+    campaign, _ = once_measured(units=1)
+    plan = with_one_more(campaign, "one run slow")
+    count, run = plan.problem.view.reduced.count.sum(1), plan.problem.view.scene.visits.run
+    assert count[run == 1].mean() / count[run == 0].mean() == pytest.approx(10.0, rel=0.02)

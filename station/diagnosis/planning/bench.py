@@ -17,7 +17,6 @@ LEAST_SPAN_S = 300.0
 def bench_of(scene: Scene) -> SimulatedLine:
     """An ordinary bench with what the recorded covariates say of this one."""
     line = SimulatedLine()
-    cold = scene.time_s < np.inf
     if scene.since_power_s is not None:
         lead = scene.since_power_s - scene.time_s
         cold = lead < float(lead.min()) + 1.0

@@ -1,18 +1,17 @@
 """The next run where formulas are tied: the one on which those that fit these data alike differ most."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 
 from station.diagnosis.discovery.term_fit import ROUNDS, TermFit, candidate_of, search_constant
-from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.measured import measured_campaign
-from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns, plan_runs
+from station.diagnosis.planning.measured import MeasuredCampaign, measured_campaign
+from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
+from station.diagnosis.planning.promise import Promise, TiedCauses, TrueAndOther
 from station.diagnosis.planning.proposal import (
     SUFFICIENT_CERTAINTY,
-    CausePair,
-    MeasuredCampaign,
     Proposal,
     best_proposal,
     minutes_of,
@@ -41,22 +40,20 @@ def next_formula_run(d: Diagnosis, ties: list[tuple[TermFit, ...]]) -> Proposal 
     """The best next run for the tied formulas of a diagnosis; None where nothing of the menu helps."""
     assert d.hypotheses is not None
     campaign, now = measured_campaign(d), PlannedRuns.measured(d.recipe)
-    found = best_proposal(list(_rated(campaign, now, ties, d.hypotheses.floor.floor)))
+    found = best_proposal(list(_rated(replace(campaign, floor=d.hypotheses.floor.floor), now, ties)))
     return found if found is not None and found.separates else None
 
 
-def _rated(
-    campaign: MeasuredCampaign, now: PlannedRuns, ties: list[tuple[TermFit, ...]], floor: NoiseFloor
-) -> Iterator[Proposal]:
+def _rated(campaign: MeasuredCampaign, now: PlannedRuns, ties: list[tuple[TermFit, ...]]) -> Iterator[Proposal]:
     """Each run of the menu, the shortest first, up to the first that is certain enough."""
-    names = tuple(tuple(formula_text(f.term) for f in tie) for tie in ties)
+    tied = tuple(TiedCauses.of([formula_text(f.term) for f in tie], np.inf, {}) for tie in ties)
     menu = [*run_menu(campaign, now), *_wider_temperatures(now, ties)]
     for text, longer in sorted(menu, key=lambda choice: round(minutes_of(choice[1]))):
-        plan = PlannedCampaign.of(plan_runs(longer, campaign.units, campaign.line).problem, floor)
-        apart: dict[CausePair, float] = {}
+        plan = campaign.gone_on(longer)
+        apart: dict[TrueAndOther, float] = {}
         for tie in ties:
             apart |= _separations(plan, tie)
-        found = Proposal(longer, text, minutes_of(longer), apart, names)
+        found = Proposal(longer, text, minutes_of(longer), Promise(tied, apart))
         yield found
         if found.certainty >= SUFFICIENT_CERTAINTY:
             return
@@ -72,15 +69,13 @@ def _wider_temperatures(now: PlannedRuns, ties: list[tuple[TermFit, ...]]) -> It
         yield f"one run {text}", now.followed_by(Run(temperature_offset_degC=offset), {}, now.dwells[-1])
 
 
-def _separations(plan: PlannedCampaign, tie: tuple[TermFit, ...]) -> dict[CausePair, float]:
-    """d·√κ of each pair, whichever of the two it is."""
-    apart: dict[CausePair, float] = {}
+def _separations(plan: PlannedCampaign, tie: tuple[TermFit, ...]) -> dict[TrueAndOther, float]:
+    """d·√κ of each, were it the true one, against each other."""
+    apart: dict[TrueAndOther, float] = {}
     for one, two in permutations(tie, 2):
         found = plan.axes(candidate_of(one.term, plan.problem.view, one.rms))
         names = formula_text(one.term), formula_text(two.term)
-        pair = min(names), max(names)
-        share = share_beyond(plan, found, two.term)
-        apart[pair] = min(one.rms * found.length * float(np.sqrt(share)), apart.get(pair, np.inf))
+        apart[names] = one.rms * found.length * float(np.sqrt(share_beyond(plan, found, two.term)))
     return apart
 
 

@@ -1,11 +1,62 @@
-"""What was measured, as a plan of the next run sees it."""
+"""What was measured, as a plan of the next run sees it, and how it would go on."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.bench import bench_of
-from station.diagnosis.planning.proposal import MeasuredCampaign
+from station.diagnosis.planning.plan import (
+    PLANNING_RATE_HZ,
+    PlannedCampaign,
+    PlannedRuns,
+    plan_runs,
+    planned_problem,
+    simulated_runs,
+)
 from station.diagnosis.results.diagnose import Diagnosis
+from station.domain.core.types import Array, Labels, SampleTable
+from station.domain.recipe import plan
+from station.domain.recipe.recipe import Recipe
+from station.model.simulated_line import SimulatedLine
 
 #: Units that a plan needs at most to know what more units would show.
 MAX_PLANNED_UNITS = 6
+#: How long units are away between the runs that were measured and the next, s.
+AWAY_S = 60.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredCampaign:
+    """What was measured: the recipe, how many units through how many nests, the floor found, the bench, and samples of
+    the runs, a few a second; None where they are not one pass of each of the recipe's runs."""
+
+    recipe: Recipe
+    units: int
+    nests: int
+    floor: NoiseFloor
+    bench: SimulatedLine = field(default_factory=SimulatedLine)
+    samples: SampleTable | None = None
+
+    @property
+    def line(self) -> SimulatedLine:
+        """The bench of a plan. A room that wanders would part what the next room, which stays calm, does not."""
+        return replace(self.bench, nests=self.nests, wander_degC=0.0)
+
+    def gone_on(self, runs: PlannedRuns) -> PlannedCampaign:
+        """The campaign with more runs: what was measured where and when it was, the rest as it is planned."""
+        if self.samples is None:
+            return PlannedCampaign.of(plan_runs(runs, self.units, self.line).problem, self.floor)
+        done = len(self.recipe.runs)
+        before_s, all_s = (float(np.mean([d.longest_s for d in runs.dwells[:n]])) for n in (done, None))
+        density = self.floor.noise * float(np.sqrt(2 * before_s))
+        new = simulated_runs(runs, done, self.samples.unit.names, density, self.line) if runs.dwells[done:] else []
+        problem = planned_problem(runs.recipe, [self.samples, *(_next_of(self.samples, part) for part in new)])
+        # The noise is that of a visit of usual length.
+        return PlannedCampaign.of(
+            problem, replace(self.floor, noise=self.floor.noise * float(np.sqrt(before_s / all_s)))
+        )
 
 
 def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
@@ -13,4 +64,46 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     visits = d.last.view.scene.visits
     nests = len(visits.group("nest", 1)[1]) if "nest" in visits.groups else 1
     units = min(len(d.samples.units), MAX_PLANNED_UNITS)
-    return MeasuredCampaign(d.recipe, units, nests, d.floor.floor, bench_of(d.last.view.scene))
+    return MeasuredCampaign(d.recipe, units, nests, d.floor.floor, bench_of(d.last.view.scene), _few_samples(d))
+
+
+def _few_samples(d: Diagnosis) -> SampleTable | None:
+    """Samples of the first units, a few a second."""
+    table = next(iter(d.inspection.samples.portions()))
+    table = table[table.unit.code < MAX_PLANNED_UNITS].used()
+    begins = np.flatnonzero(_changes(table.unit.code) | _changes(table.run) | _changes(table.visit))
+    visits = np.array([len(plan.names(d.recipe, run)) for run in range(len(d.recipe.runs))])
+    passes = len(np.unique(np.stack([table.unit.code[begins], table.run[begins]]), axis=1).T)
+    whole = int(table.run.max()) + 1 == len(visits) and passes == len(visits) * len(table.unit.names)
+    if not whole or np.any(table.visit >= visits[table.run]):
+        return None
+    within = np.arange(len(table)) - np.repeat(begins, np.diff(np.append(begins, len(table))))
+    step_s = float(np.median(np.diff(table.time_s)[np.diff(within) > 0])) if len(table) > len(begins) else 1.0
+    return table[within % max(round(1 / max(step_s * PLANNING_RATE_HZ, 1e-9)), 1) == 0]
+
+
+def _changes(values: Array) -> Array:
+    return np.asarray(np.diff(values, prepend=-1) != 0)
+
+
+def _next_of(samples: SampleTable, part: SampleTable) -> SampleTable:
+    """Simulated samples of later runs of the units: each goes on to the next nest, after the last of what there is, and
+    stays otherwise what it is."""
+    last = np.array([np.flatnonzero(samples.unit.code == u)[-1] for u in range(len(samples.unit.names))])
+    unit = np.array([samples.unit.names.index(name) for name in part.unit.names])[part.unit.code]
+    labels = {k: Labels(v.names, v.code[last][unit]) for k, v in samples.labels.items()}
+    if "nest" in labels:
+        steps = part.run - samples.run[last][unit]
+        nest = samples.labels["nest"]
+        labels["nest"] = Labels(nest.names, ((nest.code[last][unit] + steps) % len(nest.names)).astype(np.int32))
+    if "seating" in labels:
+        labels["seating"] = part.labels["seating"]
+    return replace(part, labels=labels, values=_later(samples, part.values))
+
+
+def _later(samples: SampleTable, values: Mapping[str, Array]) -> dict[str, Array]:
+    """The covariates of runs that start after all samples."""
+    if "started_s" not in values or "started_s" not in samples.values:
+        return dict(values)
+    end_s = float(np.max(samples.values["started_s"] + samples.time_s)) + AWAY_S
+    return {**values, "started_s": values["started_s"] - float(np.min(values["started_s"])) + end_s}

@@ -24,7 +24,7 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         return _formula_run(d)
     if not tied or not d.recipe.pose_known:
         return None, None
-    ties = [t for c in tied if (t := _tie(c)) is not None]
+    ties = ties_of(d)
     try:
         found = propose(measured_campaign(d), ties) if ties else None
     except RecipeError:
@@ -33,6 +33,11 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         members = {name for c in tied for name in (c.finding.name, *c.finding.indistinguishable_from)}
         return _without_run(next(_tie_breakers(members), NO_RUN)), None
     return _document(found), found
+
+
+def ties_of(d: Diagnosis) -> list[CauseTie]:
+    """The causes that are tied with others, as a plan sees them."""
+    return [t for c in d.causes if c.finding.indistinguishable_from and (t := _tie(c)) is not None]
 
 
 def _formula_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
@@ -74,4 +79,4 @@ def _tie(c: Cause) -> CauseTie | None:
         return None
     size = float(np.sqrt(np.mean(c.estimate.value[c.estimate.item.hit] ** 2)))
     found = CauseHypothesis(c.estimate.item.candidate.effect, c.estimate.item.candidate.of, size)
-    return CauseTie(found, c.finding.indistinguishable_from)
+    return CauseTie(found, c.finding.indistinguishable_from, c.finding.d, c.finding.probability)

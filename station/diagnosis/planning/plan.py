@@ -6,7 +6,7 @@ Noise is white, by the data sheet: a real floor adds to it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share, signature_axes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
-from station.domain.core.types import Labels, SampleTable
+from station.domain.core.joined_tables import join
+from station.domain.core.types import SampleTable
 from station.domain.recipe.blocks import DwellRule, Run
 from station.domain.recipe.position import Turn
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.model_file import Model
+from station.model.scene import visits_scene_of_table
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
 from station.model.timeline import noise_density_of, visit_dwells_s
@@ -116,48 +118,49 @@ def plan_campaign(recipe: Recipe, units: int, line: SimulatedLine | None = None,
 
 def plan_runs(runs: PlannedRuns, units: int, line: SimulatedLine | None = None, seed: int = 1) -> PlannedCampaign:
     """The same where runs dwell differently."""
-    recipe = runs.recipe
-    density = noise_density_of(recipe)
-    slow = recipe.device.model_copy(update={"rate_hz": PLANNING_RATE_HZ, "noise_density": density, "lsb": 0.0})
+    density = noise_density_of(runs.recipe)
     serials = tuple(f"unit-{i + 1}" for i in range(units))
-    planned = recipe.model_copy(update={"device": slow})
+    problem = planned_problem(runs.recipe, simulated_runs(runs, 0, serials, density, line or SimulatedLine(), seed))
+    dwell_s = visit_dwells_s(runs.recipe).mean()
+    return PlannedCampaign.of(problem, NoiseFloor(density / float(np.sqrt(2 * dwell_s)), 0.0, 0.0))
+
+
+def planned_problem(recipe: Recipe, parts: Sequence[SampleTable]) -> ScoringProblem:
+    """The problem that samples pose before any cause is known, each visit as certain as it is long: parts may have
+    other rates."""
+    table = join(parts)
+    table = table[np.lexsort((table.time_s, table.run, table.unit.code))]
+    reduced = reduce_samples(recipe, table)
+    samples, visit = reduced.count.sum(1), visits_scene_of_table(recipe, table).visit
+    first = np.searchsorted(visit, np.arange(len(samples)))
+    last = np.append(first[1:], len(visit)) - 1
+    dwell_s = (table.time_s[last] - table.time_s[first]) * samples / np.maximum(samples - 1, 1)
+    share = dwell_s / samples * samples.sum() / max(float(dwell_s.sum()), 1e-300) if np.all(samples > 1) else 1.0
+    # The time of a visit says all: how much its samples scatter goes with their rate.
+    reduced = replace(
+        reduced,
+        count=reduced.count * np.broadcast_to(share, samples.shape)[:, None],
+        excess=np.ones_like(reduced.excess),
+        axis_excess=np.ones_like(reduced.axis_excess),
+    )
+    return initial_problem(reduced, FloorAllowance.of(recipe, Model()))
+
+
+def simulated_runs(
+    runs: PlannedRuns, first: int, serials: tuple[str, ...], density: float, line: SimulatedLine, seed: int = 1
+) -> list[SampleTable]:
+    """Samples of the runs from `first` on, without any cause, under white noise; those that dwell alike together."""
+    sheet = runs.recipe.device.model_copy(update={"noise_density": density, "lsb": 0.0})
     parts = []
-    for dwell in dict.fromkeys(runs.dwells):
+    for dwell in dict.fromkeys(runs.dwells[first:]):
         # A longer dwell needs no more samples: the noise of its mean follows from the density.
         rate_hz = PLANNING_RATE_HZ / max(dwell.time_s or 1.0, 1.0)
-        sheet = slow.model_copy(update={"rate_hz": rate_hz})
-        job = SimulationJob(
-            planned.model_copy(update={"dwell": dwell, "device": sheet}), serials, seed, line=line or SimulatedLine()
-        )
+        device = sheet.model_copy(update={"rate_hz": rate_hz})
+        job = SimulationJob(runs.recipe.model_copy(update={"dwell": dwell, "device": device}), serials, seed, line=line)
         table = simulate(job).table
-        parts.append(table[np.isin(table.run, [r for r, d in enumerate(runs.dwells) if d == dwell])])
-    problem = initial_problem(reduce_samples(planned, _stacked(parts)), FloorAllowance.of(recipe, Model()))
-    return PlannedCampaign.of(
-        problem, NoiseFloor(density / float(np.sqrt(2 * visit_dwells_s(recipe).mean())), 0.0, 0.0)
-    )
-
-
-def _stacked(parts: Sequence[SampleTable]) -> SampleTable:
-    """Tables of the same units and labels as one, by unit and run."""
-    if len(parts) == 1:
-        return parts[0]
-    first = parts[0]
-
-    def labels(of: Sequence[Labels]) -> Labels:
-        return Labels.of(np.concatenate([part.text() for part in of]))
-
-    whole = SampleTable(
-        labels([p.unit for p in parts]),
-        np.concatenate([p.run for p in parts]),
-        np.concatenate([p.visit for p in parts]),
-        labels([p.position for p in parts]),
-        np.concatenate([p.time_s for p in parts]),
-        np.concatenate([p.reading for p in parts]),
-        {k: labels([p.labels[k] for p in parts]) for k in first.labels},
-        {k: np.concatenate([p.values[k] for p in parts]) for k in first.values},
-        None if first.gold is None else np.concatenate([p.gold for p in parts if p.gold is not None]),
-    )
-    return whole[np.lexsort((whole.time_s, whole.run, whole.unit.code))]
+        chosen = [r for r, d in enumerate(runs.dwells) if d == dwell and r >= first]
+        parts.append(table[np.isin(table.run, chosen)])
+    return parts
 
 
 def recipe_separability(recipe: Recipe, units: int = 4) -> RecipeSeparability:

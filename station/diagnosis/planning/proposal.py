@@ -2,30 +2,28 @@
 
 Every run of a menu is added to the recipe, the longer campaign simulated on a bench that warms as the measured one
 did, and each cause of the tie, at the size it would need to look as the data do, is held against all that the others
-could imitate: d·√κ (docs/diagnosis.md). The next diagnosis will estimate d·√κ with a standard error of 1 and part two
-causes where the estimate is above 3.29, so a pair planned at x is parted with chance Φ(x − 3.29). Whichever of the tie
-is the true one, with equal chances, it must be parted from all others: that is the certainty promised.
+could imitate: d·√κ (docs/diagnosis.md). What of it is promised is in `promise`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
-from math import erf, prod, sqrt
 from typing import Any
 
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
 from station.diagnosis.candidates.shape import with_form
-from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import (
     RARE_LEVELS,
     PlannedCampaign,
     PlannedRuns,
     least_distinct_share,
-    plan_runs,
 )
-from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share
+from station.diagnosis.planning.promise import Promise, TiedCauses, TrueAndOther
+from station.diagnosis.search.distinguishability import SignatureAxes, distinct_share
+from station.diagnosis.search.finding import is_free_in_each_run
 from station.domain.recipe.blocks import DwellRule, Run
 from station.domain.recipe.position import Turn
 from station.domain.recipe.recipe import Recipe
@@ -51,46 +49,35 @@ class CauseHypothesis:
 
 @dataclass(frozen=True, slots=True)
 class CauseTie:
-    """A found cause, and the causes it cannot be told from."""
+    """A found cause of strength d with the causes it cannot be told from; probability of each by id, all alike where
+    none is given."""
 
     found: CauseHypothesis
     others: tuple[str, ...]
+    d: float = np.inf
+    probability: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredCampaign:
-    """What was measured: the recipe, how many units through how many nests, the floor found, and the bench."""
-
-    recipe: Recipe
-    units: int
-    nests: int
-    floor: NoiseFloor
-    bench: SimulatedLine = field(default_factory=SimulatedLine)
-
-    @property
-    def line(self) -> SimulatedLine:
-        """The bench of a plan. A room that wanders would part what the next room, which stays calm, does not."""
-        return replace(self.bench, nests=self.nests, wander_degC=0.0)
-
-
-#: A pair of causes by id, in alphabetical order.
-CausePair = tuple[str, str]
 #: A candidate at a shape and level, and what it could move.
 CandidateAxes = tuple[Candidate, SignatureAxes]
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
-    """One or more runs: the longer campaign, in words, how long the new runs take, and each pair's d·√κ then.
+class Suspects:
+    """The causes of a tie, the one found first, each as it would look like the data; and how likely each is."""
 
-    ties: ids of the causes of each tie, the one found first.
-    """
+    causes: tuple[CauseHypothesis, ...]
+    tie: TiedCauses
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """One or more runs: the longer campaign, in words, how long the new runs take, and what they promise."""
 
     campaign: PlannedRuns
     change: str
     minutes: float
-    apart: Mapping[CausePair, float]
-    ties: tuple[tuple[str, ...], ...]
+    promise: Promise
 
     @property
     def recipe(self) -> Recipe:
@@ -99,47 +86,39 @@ class Proposal:
 
     @property
     def separates(self) -> tuple[str, ...]:
-        """The causes found and those likely to be parted from them; where none is, what is parted at all."""
-        parted = [pair for pair, x in self.apart.items() if x > SEPARATION_95]
-        heads = {tie[0] for tie in self.ties}
-        named = [pair for pair in parted if set(pair) & heads]
-        return tuple(dict.fromkeys(name for pair in named or parted for name in pair))
+        """See `Promise`."""
+        return self.promise.separates
 
     @property
     def leaves(self) -> tuple[str, ...]:
-        """Causes that stay tied with another of the same tie."""
-        tied = [pair for pair, x in self.apart.items() if x <= SEPARATION_95]
-        return tuple(dict.fromkeys(name for pair in tied for name in pair))
+        """See `Promise`."""
+        return self.promise.leaves
 
     @property
     def certainty(self) -> float:
-        """Chance that the next diagnosis names the true cause alone, each member of a tie being as likely true."""
-        return prod(sum(self._chance(true, tie) for true in tie) / len(tie) for tie in self.ties)
+        """See `Promise`."""
+        return self.promise.certainty
 
-    def _chance(self, true: str, tie: Sequence[str]) -> float:
-        return prod(
-            probability_parted(self.apart[min(true, other), max(true, other)]) for other in tie if other != true
-        )
+
+def rated_runs(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Iterator[Proposal]:
+    """Every run of the menu as the next one, the shortest first, with what it would separate."""
+    lines_up = [_suspects(campaign, tie) for tie in ties]
+    return _rated_menu(campaign, PlannedRuns.measured(campaign.recipe), lines_up, None)
 
 
 def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | None:
     """The best next run, or several; None where nothing of the menu separates any of the causes."""
-    lines_up = [_hypotheses(campaign, tie) for tie in ties]
+    lines_up = [_suspects(campaign, tie) for tie in ties]
     now = PlannedRuns.measured(campaign.recipe)
     best: Proposal | None = None
     for _ in range(MAX_RUNS):
-        better = best_proposal(list(_rated_menu(campaign, now, lines_up, best)))
+        better = best_proposal(list(_up_to_certain(_rated_menu(campaign, now, lines_up, best))))
         if better is None or (best is not None and better.certainty < best.certainty + LEAST_GAIN):
             break
         best, now = better, better.campaign
         if best.certainty >= SUFFICIENT_CERTAINTY:
             break
     return best if best is not None and best.separates else None
-
-
-def probability_parted(apart: float) -> float:
-    """Chance that two causes planned at d·√κ are parted by a diagnosis that estimates it and asks for 3.29."""
-    return 0.5 * (1 + erf((apart - SEPARATION_95) / sqrt(2)))
 
 
 def best_proposal(found: Sequence[Proposal]) -> Proposal | None:
@@ -149,31 +128,41 @@ def best_proposal(found: Sequence[Proposal]) -> Proposal | None:
     return min(good, key=lambda p: (round(p.minutes), -p.certainty), default=None)
 
 
-def _hypotheses(campaign: MeasuredCampaign, tie: CauseTie) -> list[CauseHypothesis]:
+def _suspects(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
     """The found cause, and each of the others as it would have to be to look like it so far."""
-    plan = _planned(campaign, PlannedRuns.measured(campaign.recipe))
+    plan = campaign.gone_on(PlannedRuns.measured(campaign.recipe))
     found = _axes_of(plan, tie.found, _usual(plan, tie.found.effect.id))
-    out = [tie.found]
+    # The strength found is freed of what noise adds to a size, and is that of all units.
+    known = np.isfinite(tie.d) and found.length > 0
+    head = replace(tie.found, size=tie.d / found.length) if known else tie.found
+    out = [head]
     for other in tie.others:
         every = [*(usual := _usual(plan, other)), *_shaped_like(plan, usual, tie.found.effect)]
         if every:
-            like, axes = min(every, key=lambda pair: distinct_share(found, pair[1]))
-            size = tie.found.size * found.length / axes.length if axes.length > 0 else 0.0
+            # Of those that look alike the one of fewest coefficients: what others could be is not what they are.
+            like, axes = min(every, key=lambda pair: (round(distinct_share(found, pair[1]), 1), pair[1].m.shape[-1]))
+            size = head.size * found.length / axes.length if axes.length > 0 else 0.0
             out.append(CauseHypothesis(like.effect or tie.found.effect, like.of, size))
-    return out
+    names = tuple(s.effect.id for s in out)
+    return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability))
 
 
 def _rated_menu(
     campaign: MeasuredCampaign,
     now: PlannedRuns,
-    lines_up: Sequence[Sequence[CauseHypothesis]],
+    lines_up: Sequence[Suspects],
     before: Proposal | None,
 ) -> Iterator[Proposal]:
-    """The runs of the menu, the shortest first, up to the first that is certain enough."""
+    """The runs of the menu, the shortest first."""
     for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(minutes_of(choice[1]))):
-        found = _rated(campaign, text, longer, lines_up, before)
-        yield found
-        if found.certainty >= SUFFICIENT_CERTAINTY:
+        yield _rated(campaign, text, longer, lines_up, before)
+
+
+def _up_to_certain(found: Iterator[Proposal]) -> Iterator[Proposal]:
+    """Proposals up to the first that is certain enough."""
+    for one in found:
+        yield one
+        if one.certainty >= SUFFICIENT_CERTAINTY:
             return
 
 
@@ -181,36 +170,31 @@ def _rated(
     campaign: MeasuredCampaign,
     text: str,
     longer: PlannedRuns,
-    lines_up: Sequence[Sequence[CauseHypothesis]],
+    lines_up: Sequence[Suspects],
     before: Proposal | None,
 ) -> Proposal:
     """A longer campaign with what it would separate; before: the proposal that it goes on from."""
     change = text if before is None else f"{before.change}, then {text}"
     minutes = minutes_of(longer) + (before.minutes if before else 0.0)
-    ids = tuple(tuple(s.effect.id for s in suspects) for suspects in lines_up)
-    return Proposal(longer, change, minutes, _separations(campaign, longer, lines_up), ids)
+    apart = _separations(campaign, longer, lines_up)
+    return Proposal(longer, change, minutes, Promise(tuple(s.tie for s in lines_up), apart))
 
 
 def _separations(
-    campaign: MeasuredCampaign, longer: PlannedRuns, lines_up: Sequence[Sequence[CauseHypothesis]]
-) -> dict[CausePair, float]:
-    """d·√κ of the causes of each line-up, whichever of two it is."""
-    plan = _planned(campaign, longer)
-    apart: dict[CausePair, float] = {}
+    campaign: MeasuredCampaign, longer: PlannedRuns, lines_up: Sequence[Suspects]
+) -> dict[TrueAndOther, float]:
+    """d·√κ of the causes of each line-up, were one of two the true one, against the other."""
+    plan = campaign.gone_on(longer)
+    apart: dict[TrueAndOther, float] = {}
     for suspects in lines_up:
-        usual = {s.effect.id: _usual(plan, s.effect.id) for s in suspects}
-        found = {s.effect.id: _axes_of(plan, s, usual[s.effect.id]) for s in suspects}
-        for one, two in permutations(suspects, 2):
+        usual = {s.effect.id: _usual(plan, s.effect.id) for s in suspects.causes}
+        found = {s.effect.id: _axes_of(plan, s, usual[s.effect.id]) for s in suspects.causes}
+        for one, two in permutations(suspects.causes, 2):
             name, other = one.effect.id, two.effect.id
             others = [*usual[other], *_shaped_like(plan, usual[other], one.effect)]
-            share = least_distinct_share(found[name], [axes for _, axes in others])
-            pair = (min(name, other), max(name, other))
-            apart[pair] = min(one.size * found[name].length * float(np.sqrt(share)), apart.get(pair, np.inf))
+            share = least_distinct_share(found[name], [axes for c, axes in others if not is_free_in_each_run(c)])
+            apart[name, other] = one.size * found[name].length * float(np.sqrt(share))
     return apart
-
-
-def _planned(campaign: MeasuredCampaign, runs: PlannedRuns) -> PlannedCampaign:
-    return PlannedCampaign.of(plan_runs(runs, campaign.units, campaign.line).problem, campaign.floor)
 
 
 def _usual(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:

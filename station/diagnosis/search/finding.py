@@ -141,7 +141,9 @@ def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str
     return chosen
 
 
-def _is_free_in_each_run(candidate: Candidate) -> bool:
+def is_free_in_each_run(candidate: Candidate) -> bool:
+    """Whether a cause has coefficients of its own in each run, with which it imitates any slow one; that there are
+    fewer of others tells them apart."""
     usual = candidate.effect.of[0] if candidate.effect is not None else ""
     return usual == "run" and candidate.pattern == "own"
 
@@ -156,7 +158,7 @@ def _indistinguishable(
     others = [
         (r.best, r.at)
         for r in causes
-        if r.best is not None and r.name != accepted.candidate.name and not _is_free_in_each_run(r.best)
+        if r.best is not None and r.name != accepted.candidate.name and not is_free_in_each_run(r.best)
     ]
     moving = any(c.moving for c in (accepted.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)

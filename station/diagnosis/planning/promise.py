@@ -1,0 +1,80 @@
+"""What a next run promises: the chance that the diagnosis after it leaves a single cause, the right one.
+
+Were one of a tie the true cause, the next diagnosis estimates how far another is from it, d·√κ, with a standard error
+of 1, and parts the two where the estimate is above 3.29. The size is known from a strength d so far, that is to 1/d of
+itself, and what is planned grows and shrinks with it: a pair planned at x is parted with chance
+Φ((x − 3.29) / √(1 + (x/d)²)). All others of the tie are held against the same readings, so whatever parts the true
+cause from the one that is nearest to it parts it from the rest. Which of the tie is true is as likely as the diagnosis
+says.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import erf, inf, prod, sqrt
+
+from station.diagnosis.search.distinguishability import SEPARATION_95
+
+#: Two causes of a tie by id: the true one, and another.
+TrueAndOther = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class TiedCauses:
+    """The causes of a tie, the one found first; how likely each is, together 1; and the strength d it was found at."""
+
+    names: tuple[str, ...]
+    likely: tuple[float, ...]
+    d: float
+
+    @staticmethod
+    def of(names: Sequence[str], d: float, probability: Mapping[str, float]) -> "TiedCauses":
+        """From probabilities by name; all alike where none is given."""
+        each = [probability.get(name, 0.0) for name in names] if probability else []
+        total = sum(each)
+        likely = [p / total for p in each] if total > 0 else [1 / len(names)] * len(names)
+        return TiedCauses(tuple(names), tuple(likely), d)
+
+    def chance_parted(self, apart: float) -> float:
+        """Chance that two causes planned at d·√κ are parted."""
+        spread = sqrt(1 + (apart / max(self.d, 1.0)) ** 2)
+        return 0.5 * (1 + erf((apart - SEPARATION_95) / spread / sqrt(2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """d·√κ of each of the causes of some ties, were it the true one, against each other of its tie."""
+
+    ties: tuple[TiedCauses, ...]
+    apart: Mapping[TrueAndOther, float]
+
+    @property
+    def separates(self) -> tuple[str, ...]:
+        """The causes found and those likely to be parted from them; where none is, what is parted at all."""
+        parted = [pair for pair in self._pairs() if self._nearest(*pair) > SEPARATION_95]
+        heads = {tie.names[0] for tie in self.ties}
+        named = [pair for pair in parted if set(pair) & heads]
+        return tuple(dict.fromkeys(name for pair in named or parted for name in pair))
+
+    @property
+    def leaves(self) -> tuple[str, ...]:
+        """Causes that stay tied with another of the same tie."""
+        tied = [pair for pair in self._pairs() if self._nearest(*pair) <= SEPARATION_95]
+        return tuple(dict.fromkeys(name for pair in tied for name in pair))
+
+    @property
+    def certainty(self) -> float:
+        """Chance that the next diagnosis names the true cause of each tie alone."""
+        return prod(
+            sum(p * self._chance(true, tie) for true, p in zip(tie.names, tie.likely, strict=True)) for tie in self.ties
+        )
+
+    def _pairs(self) -> list[TrueAndOther]:
+        """Each pair once."""
+        return sorted({(min(pair), max(pair)) for pair in self.apart})
+
+    def _nearest(self, one: str, other: str) -> float:
+        """d·√κ of two causes, whichever is the true one."""
+        return min(self.apart[one, other], self.apart[other, one])
+
+    def _chance(self, true: str, tie: TiedCauses) -> float:
+        return tie.chance_parted(min((self.apart[true, other] for other in tie.names if other != true), default=inf))
