@@ -231,7 +231,7 @@ def _print_diagnosis(findings: Mapping[str, Any]) -> None:
             f"next: {run['recipe_change']}, {run['minutes']} minutes, to separate {', '.join(run['separates'])}; "
             f"chance that a single cause is left: {run['certainty']:.0%}"
             if run["separates"]
-            else f"next: {run['recipe_change']}"
+            else f"next: {run['recipe_change'] or render(Message('next-none'))}"
         )
     if findings["not_testable"]:
         _output.print_line(f"not testable with these data: {', '.join(findings['not_testable'])}")

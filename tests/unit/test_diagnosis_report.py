@@ -183,6 +183,10 @@ def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
     lost = {"recipe_change": "a level on the rig", "separates": [], "minutes": 0.0, "certainty": 0.5}
     alone = build_page(some_data("named", [cause], next_run=lost))
     assert section(alone, "next-run").text[0].endswith("would not help. What would: a level on the rig.")
+    helpless = build_page(some_data("named", [cause], next_run={**lost, "recipe_change": ""}))
+    assert section(helpless, "next-run").text == (
+        "No change of this recipe that the station knows of would separate them.",
+    )
     assert "If it is warm-up: " in alone.do
     assert ". If it is clamp-creep: " in alone.do
 

@@ -13,8 +13,8 @@ from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.model_file import EFFECTS
 
-#: Where nothing parts what is tied.
-NO_RUN = "no run of the menu separates them"
+#: Where nothing parts what is tied: the faces have a sentence for it in their language.
+NO_RUN = ""
 
 
 def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:

@@ -182,7 +182,7 @@ def next_run_sentence(data: ReportData) -> str:
         return ""
     separates, change = run.get("separates") or [], run["recipe_change"]
     if not separates:
-        return report_text("next-none") if change.startswith("no run") else report_text("next-other", change=change)
+        return report_text("next-other", change=change) if change else report_text("next-none")
     parts = [report_text("next-run", change=change, minutes=format_significant(run["minutes"], 2), names=separates)]
     certainty = run.get("certainty")
     if certainty is not None:
