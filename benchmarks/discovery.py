@@ -49,6 +49,8 @@ from tests.blind import rediscovery
 from tests.blind.inspection import null_of
 from tests.blind.recipes import recipe
 
+#: The probability from which a cause is named for certain.
+CERTAIN = 0.9
 #: The strengths at which there is something to measure of what no formula expresses, the whole diagnosis, and rivals.
 STRONG = (16.0, 32.0)
 
@@ -117,9 +119,10 @@ def whole(_bench: Bench, portion: Portion) -> Iterator[Outcome]:
 
 
 def _verdict(found: Diagnosis, law: Law) -> str:
-    """What became of a law: none, named, causes beside the formula, another formula, or right."""
+    """What became of a law: none, named for certain or as likely, causes beside the formula, another formula, right."""
     if found.verdict in ("none", "named") or found.hypotheses is None:
-        return found.verdict
+        unsure = found.verdict == "named" and any(c.finding.set_probability < CERTAIN for c in found.causes)
+        return "named as likely" if unsure else found.verdict
     if found.causes:
         return "causes beside"
     fits = [(t.found.fit, *t.found.equivalent) for t in found.hypotheses.terms]

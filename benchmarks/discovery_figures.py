@@ -62,6 +62,7 @@ def _single(d: float, trials: Sequence[Outcome]) -> Iterator[Figure]:
     note = f"mean {np.mean([o.gain for o in shown]):.3f}"
     yield _middle(f"d {d:g}: held-out gain over the law's, median", [o.gain for o in shown], _at_least(gain), note)
     yield share(f"d {d:g}: negative held-out gain", [o.gain < 0 for o in shown], _at_most(0.01))
+    yield share(f"d {d:g}: the right formula called complete", [o.quiet for o in shown if o.right])
     yield share(f"d {d:g}: a second term beside the right one", [len(o.found) > 1 for o in shown if o.right])
 
 
@@ -81,7 +82,9 @@ def _strange(trials: Sequence[Outcome]) -> Iterator[Figure]:
     note = f"{kinds}; {len(trials) - len(strange)} more are a formula at these visits"
     yield share("not expressible: no formula, or incomplete", [not sure for sure in certain], _at_least(0.9), note)
     invented = [sure and o.missed > INVENTED for o, sure in zip(strange, certain, strict=True)]
-    yield share("not expressible: a wrong formula with certainty", invented, _at_most(0.02))
+    as_measured = sum(sure and o.missed_as_measured > INVENTED for o, sure in zip(strange, certain, strict=True))
+    note = f"{as_measured} if the errors of thermometer and meter count, too"
+    yield share("not expressible: a wrong formula with certainty", invented, _at_most(0.02), note)
 
 
 def _whole(d: float, trials: Sequence[Outcome]) -> Iterator[Figure]:
@@ -90,7 +93,9 @@ def _whole(d: float, trials: Sequence[Outcome]) -> Iterator[Figure]:
         return
     counts = str(dict(Counter(o.verdict for o in trials)))
     yield share(f"d {d:g}: whole diagnosis, right", [v == "right" for v in shown], _at_least(0.93), counts)
-    yield share(f"d {d:g}: whole diagnosis, named as a cause", [v == "named" for v in shown], _at_most(0.03))
+    named = [v.startswith("named") for v in shown]
+    note = f"{shown.count('named')} of them for certain"
+    yield share(f"d {d:g}: whole diagnosis, named as a cause", named, _at_most(0.03), note)
 
 
 def _against_rivals(d: float, trials: Sequence[Outcome]) -> Iterator[Figure]:

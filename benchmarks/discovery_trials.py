@@ -7,7 +7,7 @@ them up.
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from discovery_laws import Law, campaign
 
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.discover import AlarmOnRest, Discovery, discover
 from station.diagnosis.discovery.term_fit import candidate_of
@@ -41,9 +42,10 @@ class Outcome:
     """What became of one campaign.
 
     found: families of the best formula, none where none was proposed; right: it is the law; covers: the set holds the
-    law; cosine: of the law and what the formula can follow of it; alternatives: size of the set; gain: held-out gain
-    over that of the true law; quiet: whether the formula was called complete; verdict: of the whole diagnosis; rivals:
-    cosine of each.
+    law; cosine: of the law and what the formula can follow of it by the covariates as measured; followed: the same by
+    the true ones, as an error of the thermometer is none of the form; alternatives: size of the set; gain: held-out
+    gain over that of the true law; quiet: whether the formula was called complete; verdict: of the whole diagnosis;
+    rivals: cosine of each.
     """
 
     part: str
@@ -54,6 +56,7 @@ class Outcome:
     right: bool = False
     covers: bool = False
     cosine: float = 0.0
+    followed: float = 0.0
     alternatives: int = 0
     gain: float = 0.0
     quiet: bool = False
@@ -64,6 +67,11 @@ class Outcome:
     @property
     def missed(self) -> float:
         """Length of what the formula cannot follow of the law, in white data."""
+        return self.d * float(np.sqrt(max(0.0, 1 - self.followed**2)))
+
+    @property
+    def missed_as_measured(self) -> float:
+        """The same with the errors of the covariates in it, which the law's own form has, too."""
         return self.d * float(np.sqrt(max(0.0, 1 - self.cosine**2)))
 
 
@@ -81,7 +89,8 @@ def outcome_line(outcome: Outcome) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """A campaign with a law in it, and what became of it: true white signal (U·M), space of the true floor."""
+    """A campaign with a law in it, and what became of it: true white signal (U·M), space of the true floor, view with
+    the true covariates."""
 
     law: Law | None
     d: float
@@ -89,6 +98,7 @@ class Trial:
     found: Discovery
     truth: Floats
     space: ResidualSpace
+    exact: ResidualView
     seconds: float
 
 
@@ -112,7 +122,8 @@ class Bench:
         floor = NoiseFloor(problem.view.reduced.sigma / float(np.sqrt(count.mean())), 0.0, 0.0)
         space = problem.space(floor, moving=False)
         truth = space.project(problem.view.rows(means[..., None], None))[..., 0].ravel()
-        return Trial(made.law, d, problem, found, truth, space, seconds)
+        exact = _with_true_covariates(problem.view, made.world)
+        return Trial(made.law, d, problem, found, truth, space, exact, seconds)
 
     def threshold_of(self, problem: Any, fitted: Any, scans: Any) -> float:
         """The score by chance, drawn once."""
@@ -130,12 +141,20 @@ class Bench:
         return AlarmOnRest(self.null, (), banks)
 
 
-def columns(t: Trial, terms: Sequence[Any]) -> Floats:
-    """White columns (U·M, K) of some terms in a trial's true space."""
+def _with_true_covariates(view: ResidualView, w: World) -> ResidualView:
+    """A view as exact meters of temperature and motor would have told it."""
+    count = np.bincount(w.stop)
+    T, rate, motor = (np.bincount(w.stop, x) / count for x in (w.T, w.rate, w.motor))
+    scene = replace(view.scene, temperature_degC=T, temperature_rate=rate, motor=motor)
+    return replace(view, reduced=replace(view.reduced, scene=scene))
+
+
+def columns(t: Trial, terms: Sequence[Any], view: ResidualView) -> Floats:
+    """White columns (U·M, K) of some terms in a trial's true space, by the covariates of a view."""
     parts = []
     for term in terms:
-        c = candidate_of(term, t.problem.view, 1e-3)
-        white = t.space.project(c.rows(t.problem.view.layout))
+        c = candidate_of(term, view, 1e-3)
+        white = t.space.project(c.rows(view.layout))
         if c.pattern == "own":
             U, M, K = white.shape
             wide = np.zeros((U, M, U, K))
@@ -145,11 +164,11 @@ def columns(t: Trial, terms: Sequence[Any]) -> Floats:
     return np.concatenate(parts, axis=1)
 
 
-def cosine(t: Trial, terms: Sequence[Any]) -> float:
-    """Cosine of the truth and what the terms can follow of it."""
+def cosine(t: Trial, terms: Sequence[Any], view: ResidualView | None = None) -> float:
+    """Cosine of the truth and what the terms can follow of it, by the covariates as measured or those of a view."""
     if not terms:
         return 0.0
-    Z = columns(t, terms)
+    Z = columns(t, terms, view or t.problem.view)
     onto = Z @ np.linalg.lstsq(Z, t.truth, rcond=1e-9)[0]
     return float(np.linalg.norm(onto)) / max(float(np.linalg.norm(t.truth)), 1e-300)
 
@@ -176,7 +195,7 @@ def gain_ratio(t: Trial) -> float:
     def gain(prediction: Floats) -> float:
         return float(2 * t.truth @ prediction - prediction @ prediction)
 
-    Z = columns(t, [x.fit.term for x in t.found.terms])
+    Z = columns(t, [x.fit.term for x in t.found.terms], t.problem.view)
     found = Z @ np.linalg.lstsq(Z, data, rcond=1e-9)[0]
     unit = t.truth / np.linalg.norm(t.truth)
     return gain(found) / gain(unit * float(unit @ data))
@@ -188,7 +207,7 @@ def outcome_of(part: str, seed: int, t: Trial) -> Outcome:
     names = tuple("·".join(term.family) for term in best)
     if t.law is None or not best:
         law = "" if t.law is None else t.law.name
-        return Outcome(part, t.d, seed, law, names, quiet=t.found.quiet, seconds=t.seconds)
+        return Outcome(part, t.d, seed, law, names, quiet=t.found.complete, seconds=t.seconds)
     some = list(formulas(t))
     return Outcome(
         part,
@@ -199,8 +218,9 @@ def outcome_of(part: str, seed: int, t: Trial) -> Outcome:
         is_right(t, best),
         any(is_right(t, terms) for terms in some),
         cosine(t, best),
+        cosine(t, best, t.exact),
         len(some),
         gain_ratio(t),
-        t.found.quiet,
+        t.found.complete,
         t.seconds,
     )
