@@ -9,9 +9,11 @@ import pytest
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
+from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.discover import _group_terms, discover, is_series
-from station.diagnosis.discovery.edges import edges_say_as_much
 from station.diagnosis.discovery.order_selection import order_chance
+from station.diagnosis.discovery.edges import edges_say_as_much
+from station.diagnosis.discovery.price import CONSTANT_NATS
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
@@ -168,6 +170,34 @@ def test_a_curve_that_only_follows_edges_is_no_whole_law(modulator: str, edges: 
     fit = refine(curve, TermSpaces(problem, problem.fit().floor).of(curve))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
     assert edges_say_as_much(known, [fit.term]) == edges
+
+
+@pytest.mark.parametrize("family", [("own-squared", "temperature"), ("own-squared", "decay"), ("own", "wave")])
+def test_the_room_of_a_constant_is_the_mean_of_its_likelihood_over_its_range(family: tuple[str, str]) -> None:
+    """By trapezia between the few values that were tried, against two hundred of them; a wave's frequency is narrow."""
+
+    def hidden(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        felt = w.a[:, 2] ** (2 if family[0] == "own-squared" else 1)
+        course = {"temperature": w.T - 24, "decay": np.exp(-w.t / 25), "wave": np.sin(0.4 * w.t)}[family[1]]
+        added[:, 2] = felt * course * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    start = {"temperature": ("about_degC", 26.0), "decay": ("time_constant_s", 30.0), "wave": ("cycles_hz", 0.063)}
+    axes = ("z:cos", "z:sin") if family[1] == "wave" else ("z",)
+    term = Term(*family, axes, "common", (start[family[1]],))
+    table, _ = hide(recipe(), hidden, 9, d=11.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    at = TermSpaces(problem, problem.fit().floor).of(term)
+    fit = refine(term, at)
+    ((field, best),) = fit.term.constants
+    scale = ConstantScale.of(field, best, problem.view)
+    reach = {"temperature": 1.0, "decay": 2.0, "wave": 0.01}[family[1]]
+    x = np.linspace(scale.start - reach, scale.start + reach, 201)
+    nats = np.array([fit_term(term.with_constants(**{field: scale.value(float(v))}), at).evidence for v in x])
+    mean = float(np.trapezoid(np.exp(nats - fit.evidence) * scale.density(x), x))
+    assert fit.room == pytest.approx(np.log(mean), abs=0.5)
+    assert fit.odds == fit.score + CONSTANT_NATS + fit.room < fit.score
 
 
 def test_the_chance_of_the_order_that_speaks_loudest_is_that_of_its_choice() -> None:

@@ -171,14 +171,14 @@ class _FormulaSearch:
         leader = fits[0]
         with_it = problem.with_accepted((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
         spaces, fairer = TermSpaces(problem, floor), TermSpaces(problem, with_it)
-        close = [f for f in fits if f.score > leader.score - REFINED_NATS]
+        close = [f for f in fits if f.odds > leader.odds - REFINED_NATS]
         again = [with_levels(refine(f.term, fairer.of(f.term)), fairer.of(f.term), self._levels) for f in close]
-        again.sort(key=lambda f: -f.score)
+        again.sort(key=lambda f: -f.odds)
         best = simplest(again)
         score = best.score + fairer.of(best.term).space.profile - spaces.of(best.term).space.profile
         if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
-        near = other_families([f for f in again if f.score > best.score - SET_NATS], best)
+        near = other_families([f for f in again if f.odds > best.odds - SET_NATS], best)
         return FoundTerm(name, best, score, near)
 
     def merged(

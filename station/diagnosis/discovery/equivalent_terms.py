@@ -16,8 +16,8 @@ SET_NATS = 3.0
 def simplest(ranked: Sequence[TermFit]) -> TermFit:
     """The best, or the simplest of those near it that are the same curve of the same input spelt with less."""
     best = ranked[0]
-    same = [f for f in ranked if f.score > best.score - SET_NATS and _is_same_curve(f, best)]
-    return min(same, key=lambda f: (price(f.term), -f.score))
+    same = [f for f in ranked if f.odds > best.odds - SET_NATS and _is_same_curve(f, best)]
+    return min(same, key=lambda f: (price(f.term), -f.odds))
 
 
 def _is_same_curve(one: TermFit, two: TermFit) -> bool:
@@ -34,4 +34,4 @@ def other_families(near: Sequence[TermFit], best: TermFit) -> tuple[TermFit, ...
         longer = _is_same_curve(f, best) and price(f.term) > price(best.term)
         if f.term.family != best.term.family and not longer:
             found.setdefault(f.term.family, f)
-    return tuple(sorted(found.values(), key=lambda f: (f.term.size, -f.score)))
+    return tuple(sorted(found.values(), key=lambda f: (f.term.size, -f.odds)))

@@ -15,7 +15,7 @@ from station.model.formula.expression import constants, evaluate, variables
 from station.model.formula.grammar import INPUTS, MODULATORS, Factor, FormulaColumn, columns_of
 from station.model.formula.term import Term, variable_values, without_rounding
 from station.model.forward import sensor_signal
-from station.model.scene import Signal
+from station.model.scene import Scene, Signal
 
 #: Inputs that are tried with every modulator; all others with the plain ones only.
 BASIC_INPUTS = frozenset(
@@ -154,6 +154,12 @@ def _places(factor: Factor) -> list[tuple[int, int]]:
     return list(dict.fromkeys((c.i, c.j) for c in columns_of(factor, MODULATORS["constant"])))
 
 
+def visit_interval(scene: Scene) -> float:
+    """Time from a visit of a run to the next, s, in the middle of all; the longest run where there is no next."""
+    steps = np.diff(scene.time_s)[scene.visits.previous[1:] >= 0]
+    return max(float(np.median(steps)) if len(steps) else float(scene.time_s.max()), 1e-3)
+
+
 class _Grids:
     """The values of each constant that these data make worth trying."""
 
@@ -161,8 +167,7 @@ class _Grids:
         self.scene, self.strength = view.scene, stimulus_strength(view.scene.recipe)
         scene = self.scene
         self.longest = max(float(scene.time_s.max()), 1e-3)
-        steps = np.diff(scene.time_s)[scene.visits.previous[1:] >= 0]
-        self.interval = float(np.median(steps)) if len(steps) else self.longest
+        self.interval = visit_interval(scene)
 
     def shows(self, modulator: Factor) -> bool:
         """Whether its covariate was recorded and varies."""

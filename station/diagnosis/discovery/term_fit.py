@@ -1,6 +1,6 @@
 """One term judged exactly in a space, and its constants at their best."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -11,8 +11,9 @@ from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
 from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.evidence import log_evidence
-from station.diagnosis.discovery.price import price
+from station.diagnosis.discovery.price import CONSTANT_NATS, price
 from station.diagnosis.discovery.scan import VISIBLE_SHARE, ScannedUnits, scanned_units
 from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.noise_floor import NoiseFloor
@@ -33,10 +34,6 @@ WIDE = 3.0
 ROUNDING = 1e-9
 #: Stands for an evidence of minus infinity, with which an optimiser cannot reckon.
 OUT_OF_QUESTION = 1e12
-#: Where the zero and the bend of temperatures are looked for, in ranges of temperature about the middle: a square whose
-#: zero is among the temperatures has a narrow best.
-ZEROS = (-2.5, -1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2, 2.5)
-BENDS = (-0.45, -0.2, 0.0, 0.2, 0.45)
 #: Tops of a coarse grid that are refined, and how far below the highest.
 MOST_TOPS, NEAR_TOP_SHARE = 2, 0.15
 #: How finely a constant is found, as a share of the steps of the coarse grid, and the rounds where a term has two.
@@ -71,7 +68,8 @@ class TermSpaces:
 @dataclass(frozen=True, slots=True, eq=False)
 class TermFit:
     """A term in a space: share of the sum of squares that it takes up, coefficients (K) in all, their rms, log
-    evidence; signal (U, M) is what it leaves in the white rows at its best."""
+    evidence; signal (U, M) is what it leaves in the white rows at its best; room: log of the share that the data leave
+    of what its constants might have been."""
 
     term: Term
     share: float
@@ -79,11 +77,19 @@ class TermFit:
     rms: float
     evidence: float
     signal: Floats
+    room: float = 0.0
 
     @property
     def score(self) -> float:
-        """Evidence less the price of the formula, nats."""
+        """Evidence less the price of the formula, nats: what chance is drawn for."""
         return self.evidence - price(self.term)
+
+    @property
+    def odds(self) -> float:
+        """The same with the constants integrated instead of at their best for a price each: by this one family of terms
+        is likelier than another. A frequency that fits in a hundredth of its range is a hundred times less likely than
+        its best suggests; a zero that may be anywhere costs nothing."""
+        return self.score + CONSTANT_NATS * len(self.term.fields) + self.room
 
     @property
     def d(self) -> float:
@@ -192,27 +198,48 @@ def _onto(basis: Floats, data: Floats) -> Floats:
 
 
 def refine(term: Term, at: TermSpace) -> TermFit:
-    """The term with its constants at their best, one after the other."""
+    """The term with its constants at their best, one after the other, and the room that the data leave them."""
     best = fit_term(term, at)
     fields = term.fields
+    room = dict.fromkeys(fields, 0.0)
     for _ in range(ROUNDS if len(fields) > 1 else 1):
         for field in fields:
-            best = _refine_one(best, field, at)
-    return best
+            best, room[field] = _refine_one(best, field, at)
+    return replace(best, room=sum(room.values()))
 
 
-def _refine_one(best: TermFit, field: str, where: TermSpace) -> TermFit:
-    """One constant where the evidence is largest."""
+def _refine_one(best: TermFit, field: str, where: TermSpace) -> tuple[TermFit, float]:
+    """One constant where the evidence is largest, and its room."""
     tried = {best.term: best}
 
     def evidence(term: Term) -> float:
         tried[term] = found = tried.get(term) or fit_term(term, where)
         return found.evidence
 
-    return tried[search_constant(best.term, field, where.view, evidence)]
+    found = search_constant(best.term, field, where.view, evidence)
+    return tried[found.term], found.room
 
 
-def search_constant(term: Term, field: str, view: ResidualView, worth: Callable[[Term], float]) -> Term:
+class SearchedConstant(NamedTuple):
+    """A term with one constant at its best, and what every value tried on its scale was worth."""
+
+    term: Term
+    scale: ConstantScale
+    worth: Mapping[float, float]
+
+    @property
+    def room(self) -> float:
+        """Log of the mean over the constant's range of a likelihood beside its best (trapezia between what was tried),
+        where log-likelihoods are what it is worth."""
+        x = np.sort(list(self.worth))
+        nats = np.array([self.worth[at] for at in x])
+        if not np.isfinite(nats.max()):
+            return 0.0
+        mean = float(np.trapezoid(np.exp(nats - nats.max()) * self.scale.density(x), x))
+        return min(float(np.log(max(mean, 1e-300))), 0.0)
+
+
+def search_constant(term: Term, field: str, view: ResidualView, worth: Callable[[Term], float]) -> SearchedConstant:
     """The term with one constant where it is worth most: by Brent's method between the neighbours of its best value on
     a coarse grid."""
     scale = ConstantScale.of(field, dict(term.constants)[field], view)
@@ -228,7 +255,8 @@ def search_constant(term: Term, field: str, view: ResidualView, worth: Callable[
         at(x)
     for low, high in list(_tops(sorted(tried), at)):
         search_between(low, high, at)
-    return max(tried.values(), key=lambda pair: pair[0])[1]
+    best = max(tried.values(), key=lambda pair: pair[0])[1]
+    return SearchedConstant(best, scale, {x: value for x, (value, _) in tried.items()})
 
 
 def search_between(low: float, high: float, at: Callable[[float], float]) -> None:
@@ -252,43 +280,6 @@ def _tops(points: Sequence[float], at: Callable[[float], float]) -> Iterator[tup
             yield points[max(i - 1, 0)], points[min(i + 1, len(points) - 1)]
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantScale:
-    """Where a constant is looked for: on a scale on which a step means as much everywhere."""
-
-    start: float
-    around: tuple[float, ...]
-    value: Callable[[float], float]
-
-    @staticmethod
-    def of(field: str, now: float, view: ResidualView) -> "ConstantScale":
-        """The scale of a constant about its present value."""
-        kind = CONSTANTS[field]
-
-        def within(x: float) -> float:
-            return float(min(max(x, kind.low), kind.high))
-
-        if field == "time_constant_s":
-            middle = float(np.log(now))
-            return ConstantScale(middle, (middle - 0.7, middle + 0.7), lambda x: within(float(np.exp(x))))
-        if field in ("about_degC", "kink_degC"):
-            T = view.scene.require("temperature_degC")
-            centre, width = float(T.mean()), max(float(np.ptp(T)), 0.1)
-            around = ZEROS if field == "about_degC" else BENDS
-            return ConstantScale(
-                float(np.arcsinh((now - centre) / width)), around, lambda x: within(centre + width * float(np.sinh(x)))
-            )
-        longest = max(float(view.scene.time_s.max()), 1e-3)
-        if field == "cycles_hz":
-            step = 0.35 / longest
-            return ConstantScale(now, (now - step, now + step), within)
-        if field == "start_s":
-            step = longest / 18
-            return ConstantScale(now, (now - step, now + step), within)
-        step = 0.2 * abs(now) or 0.1
-        return ConstantScale(now, tuple(now + s * step for s in (-3, -2, -1, 1, 2)), within)
-
-
 def accepted(fit: TermFit, view: ResidualView, name: str) -> AcceptedCause:
     """The term in the model, its prior wide beside its size, so that hardly anything is shrunk."""
     candidate = candidate_of(fit.term, view, fit.rms, name)
@@ -297,7 +288,7 @@ def accepted(fit: TermFit, view: ResidualView, name: str) -> AcceptedCause:
 
 def with_levels(fit: TermFit, at: TermSpace, levels: tuple[str, ...]) -> TermFit:
     """The fit at the level of sharing that pays most."""
-    tried = [fit_term(replace(fit.term, of=of), at) for of in levels if of != fit.term.of]
+    tried = [replace(fit_term(replace(fit.term, of=of), at), room=fit.room) for of in levels if of != fit.term.of]
     return max((fit, *tried), key=lambda f: f.score)
 
 

@@ -89,5 +89,5 @@ def share_beyond(plan: PlannedCampaign, found: SignatureAxes, rival: Term) -> fl
 
     for _ in range(ROUNDS if len(rival.fields) > 1 else 1):
         for field in rival.fields:
-            rival = search_constant(rival, field, view, followed)
+            rival = search_constant(rival, field, view, followed).term
     return 1 - followed(rival)

@@ -63,7 +63,7 @@ def term_document(term: Term, unit: str) -> dict[str, Any]:
 
 def _term_row(t: HypothesisTerm, unit: str) -> dict[str, Any]:
     best = t.found.fit
-    rivals = [f.score for f in t.found.equivalent]
+    rivals = [f.odds for f in t.found.equivalent]
     return {
         "name": t.found.name,
         "formula": formula_text(best.term),
@@ -72,7 +72,7 @@ def _term_row(t: HypothesisTerm, unit: str) -> dict[str, Any]:
         "d": best.d,
         "score": t.found.score,
         "description_nats": price(best.term),
-        "ahead_of_next_nats": best.score - max(rivals) if rivals else None,
+        "ahead_of_next_nats": best.odds - max(rivals) if rivals else None,
         "parameters": estimate_rows(t.estimate, unit),
         "gain": gain_document(t.gain),
         "equivalent": [_rival(f, best, unit) for f in t.found.equivalent],
@@ -86,7 +86,7 @@ def _rival(f: TermFit, best: TermFit, unit: str) -> dict[str, Any]:
     return {
         "formula": formula_text(f.term),
         **term_document(f.term, unit),
-        "behind_nats": best.score - f.score,
+        "behind_nats": best.odds - f.odds,
         "cosine": cosine,
     }
 
