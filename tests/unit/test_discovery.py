@@ -12,7 +12,7 @@ from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.discover import _group_terms, discover, is_series
 from station.diagnosis.discovery.order_selection import order_chance
-from station.diagnosis.discovery.edges import edges_say_as_much
+from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
@@ -169,7 +169,47 @@ def test_a_curve_that_only_follows_edges_is_no_whole_law(modulator: str, edges: 
     problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
     fit = refine(curve, TermSpaces(problem, problem.fit().floor).of(curve))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
-    assert edges_say_as_much(known, [fit.term]) == edges
+    assert another_form_says_as_much(known, [fit.term]) == edges
+
+
+@pytest.mark.parametrize("lagging", [False, True])
+def test_a_rate_that_only_follows_a_temperature_that_lags_is_no_whole_law(lagging: bool) -> None:
+    def hidden(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added, course = np.zeros_like(w.a), w.rate
+        if lagging:
+            begin = np.flatnonzero(np.diff(w.run + 100 * w.unit, prepend=-1))
+            behind = w.T - w.T[begin[np.searchsorted(begin, np.arange(len(w.T)), side="right") - 1]]
+            course = behind * w.t / w.t.max()
+        added[:, 1] = w.a[:, 1] ** 2 * course * rng.amplitude(1e-2, (1,))[0]
+        return w.a, added
+
+    term = Term("own-squared", "temperature-rate", ("y",), "common")
+    table, _ = hide(recipe(), hidden, 5, d=24.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    fit = fit_term(term, TermSpaces(problem, problem.fit().floor).of(term))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    assert another_form_says_as_much(known, [term]) == lagging
+
+
+@pytest.mark.parametrize("any_number", [False, True])
+def test_a_wave_of_each_position_that_only_follows_any_numbers_is_no_whole_law(any_number: bool) -> None:
+    """Each position is seen three times; a wave of its own has two sizes for it."""
+
+    def hidden(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added, occasion = np.zeros_like(w.a), w.position + 24 * w.run
+        numbers = rng.amplitude(1e-4, (72,))[occasion]
+        warmth = rng.amplitude(1e-4, (24,))[w.position] * (w.T - 25)
+        added[:, 0] = numbers if any_number else warmth
+        return w.a, added
+
+    term = Term("one", "temperature", ("x",), "position", (("about_degC", 25.0),))
+    if any_number:
+        term = Term("one", "wave", ("x:cos", "x:sin"), "position", (("cycles_hz", 0.15),))
+    table, _ = hide(recipe(), hidden, 6, d=24.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    fit = refine(term, TermSpaces(problem, problem.fit().floor).of(term))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    assert another_form_says_as_much(known, [fit.term]) == any_number
 
 
 @pytest.mark.parametrize("family", [("own-squared", "temperature"), ("own-squared", "decay"), ("own", "wave")])

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from station.diagnosis.discovery import chance
-from station.diagnosis.discovery.edges import edges_say_as_much
 from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families, simplest
 from station.diagnosis.discovery.library import libraries
 from station.diagnosis.discovery.merge import TermPair
+from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.rest import is_noise
 from station.diagnosis.discovery.scan import Choice, Scan, scan_of, scanned_units
 from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, accepted, fit_term, refine, with_levels
@@ -25,7 +25,7 @@ from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import marginalise_walks
-from station.model.formula.grammar import INPUTS, MODULATORS, columns_of
+from station.model.formula.grammar import GROUP_LEVELS, INPUTS, MODULATORS, columns_of
 from station.model.formula.term import Term
 
 #: Terms of a formula at most, and how often one is looked for: several found may be one law of several axes.
@@ -42,8 +42,6 @@ LEAST_NUMBERS = 12
 GROUP_NATS = 1.5
 #: Units that the scan goes over at most; what it finds is judged by all.
 MOST_SCANNED_UNITS = 12
-#: What is shared by the groups of these levels is tried for the inputs that a rig's groups may have.
-GROUP_LEVELS = ("nest", "station", "lot", "operator", "position", "run", "power-on")
 
 ThresholdOf = Callable[[ScoringProblem, FittedFloor, Sequence[Scan]], float]
 
@@ -61,12 +59,14 @@ class FoundTerm:
 @dataclass(frozen=True, slots=True, eq=False)
 class Discovery:
     """terms: of the formula, none where nothing expressible fits; problem: with them accepted last; threshold: the
-    score by chance; quiet: whether nothing alarms any more; first: index of the first term among the accepted."""
+    score by chance; quiet: whether they leave nothing but noise; complete: whether, besides, no other form says as
+    much; first: index of the first term among the accepted."""
 
     terms: tuple[FoundTerm, ...]
     problem: ScoringProblem
     threshold: float
     quiet: bool
+    complete: bool
     first: int
 
 
@@ -105,14 +105,14 @@ def discover(
         if len(found) > 1:
             problem, found = search.merged(problem, found, first)
         if len(found) > most_terms:
-            return Discovery((), bare, search.threshold, quiet=False, first=first)
+            return Discovery((), bare, search.threshold, quiet=False, complete=False, first=first)
         if len(found) > 1:
             problem, found = search.fitted_back(problem, found, first)
     terms = [t.fit.term for t in found]
     whole = bool(found) and search.is_exhausted(len(found)) and not is_series(terms)
-    quiet = whole and alarm is not None and is_noise(problem, terms) and not edges_say_as_much(problem, terms)
-    quiet = quiet and alarm is not None and alarm.is_quiet(problem)
-    return Discovery(tuple(found), problem, search.threshold, quiet, first)
+    quiet = whole and alarm is not None and is_noise(problem, terms) and alarm.is_quiet(problem)
+    complete = quiet and not another_form_says_as_much(problem, terms)
+    return Discovery(tuple(found), problem, search.threshold, quiet, complete, first)
 
 
 class _FormulaSearch:

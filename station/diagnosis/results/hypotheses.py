@@ -37,11 +37,13 @@ class HypothesisTerm:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
-    """terms: of the formula, none where nothing expressible fits; gain: of all together; complete: nothing alarms any
-    more once they are known; problem: with them accepted; threshold: the score that chance reaches; data: hash."""
+    """terms: of the formula, none where nothing expressible fits; gain: of all together; quiet: nothing but noise is
+    left once they are known; complete: besides, no other form says as much; problem: with them accepted; threshold:
+    the score that chance reaches; data: hash."""
 
     terms: tuple[HypothesisTerm, ...]
     gain: HeldOutGain | None
+    quiet: bool
     complete: bool
     problem: ScoringProblem
     floor: FittedFloor
@@ -103,9 +105,10 @@ def _accepted(found: Discovery, data: str) -> Hypotheses:
         gains = [held_out_gain(problem, found.first + i, floor.floor) for i in range(len(terms))]
     whole = gain_together(problem, range(found.first, found.first + len(terms)), floor.floor) if terms else None
     sized = _estimates(problem, found.first, terms, floor)
-    complete = found.quiet and len(terms) == len(found.terms)
+    every = len(terms) == len(found.terms)
     rows = tuple(HypothesisTerm(t, e, g) for t, e, g in zip(terms, sized, gains, strict=True))
-    return Hypotheses(rows, whole, complete, problem, floor, found.threshold, data)
+    quiet, complete = found.quiet and every, found.complete and every
+    return Hypotheses(rows, whole, quiet, complete, problem, floor, found.threshold, data)
 
 
 def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], floor: FittedFloor) -> list[Estimate]:

@@ -2,9 +2,9 @@
 
 A law of two covariates is followed a little by causes of one: quadratic and warm-up share what a square that follows
 the rate of the temperature does. Each alarms, and each gains on held-out data, for a part of it is true. So the formula
-is looked for once more with none of them known. Where it then accounts for everything, more likely and in fewer terms,
-or where nothing else did, they go; so do those that leave something, or that laws of no cause are likelier than, where
-it says more in fewer terms. One that says the same as a term of the formula stays in its place, for its physics is
+is looked for once more with none of them known. Where it then leaves nothing, more likely and in fewer terms, or where
+nothing else did, they go; so do those that leave something, or that laws of no cause are likelier than, where it says
+more in fewer terms. One that says the same as a term of the formula stays in its place, for its physics is
 known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal, and
 one formula writes it in one term.
 
@@ -62,26 +62,26 @@ def simplest_explanation(
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, samples))
     if not paying or (whole and not doubtful and len(paying) < LEAST_CAUSES and is_noise(last, ())):
         return with_causes
-    complete = whole or _is_complete(with_causes)
+    quiet = whole or _is_quiet(with_causes)
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
-    most = max(with_causes.parts - 1, 1) if complete else MAX_TERMS
+    most = max(with_causes.parts - 1, 1) if quiet else MAX_TERMS
     alone = propose_formula(searched, last, (), samples, most_terms=most)
     if whole and _are_the_formula(alone, paying):
         return with_causes
     # Causes that leave nothing are known physics: only a whole law takes their place.
-    if not alone.terms or (not alone.complete and whole and not doubtful):
+    if not alone.terms or (not alone.quiet and whole and not doubtful):
         return with_causes
-    if (complete or not alone.complete) and not _is_simpler(alone, with_causes, last):
+    if (quiet or not alone.quiet) and not _is_simpler(alone, with_causes, last):
         return with_causes
     if known := _causes_in(alone, paying):
         mixed = Explanation(known, propose_formula(searched, last, known, samples))
-        if _is_complete(mixed) or not alone.complete:
+        if _is_quiet(mixed) or not alone.quiet:
             return mixed
     return Explanation((), alone)
 
 
-def _is_complete(explanation: Explanation) -> bool:
-    return explanation.formula is not None and explanation.formula.complete
+def _is_quiet(explanation: Explanation) -> bool:
+    return explanation.formula is not None and explanation.formula.quiet
 
 
 def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProblem) -> bool:

@@ -186,8 +186,9 @@ MODULATORS: Mapping[str, Factor] = {
     )
 }
 
-#: Who may share a coefficient.
-SHARED_BY = ("unit", "common", "nest", "station", "lot", "operator", "position", "run", "power-on")
+#: The groups of a rig that may share a coefficient, and everybody who may.
+GROUP_LEVELS = ("nest", "station", "lot", "operator", "position", "run", "power-on")
+SHARED_BY = ("unit", "common", *GROUP_LEVELS)
 
 
 class FormulaColumn(NamedTuple):

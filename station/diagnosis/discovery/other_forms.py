@@ -1,22 +1,36 @@
-"""Whether edges say as much as a curve: a step of a covariate or of what is felt, a square wave, a saw.
+"""Whether another form says as much as a term: edges, other laws of the temperature's rate, or none at all.
 
-Smooth forms differ from a term by what the first few orders of a curve show. Edges differ by a little in many orders,
+Smooth forms differ from a term by what the first few orders of a curve show. Edges (a step of a covariate or of what is
+felt, a square wave, a saw) differ by a little in many orders,
 and where a wave has few visits a round by none that is seen: so they stand as laws of their own beside the term. They
 are far from any curve that is not theirs, so that chance hardly ever puts them ahead.
+
+The rate of a temperature stands in the grammar straight only. Its size and square, a temperature that lags and one
+that comes back on another branch follow much the same course, and the thermometer blurs what is left: these must be
+clearly behind.
+
+Where each position, nest or run has coefficients of its own, hardly anything may be left to show their course: a wave
+of each position through three runs has two numbers for three. There the law without any form is asked, a number for
+each occasion that all units share.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
+from station.diagnosis.candidates.rival_laws import BRANCHES, LAGS, THERMAL_PLAYS
+from station.diagnosis.candidates.temperature_memory import TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
-from station.diagnosis.discovery.rest import visit_noise
+from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, visit_noise
 from station.diagnosis.discovery.term_fit import TermFit, TermSpace, TermSpaces, fit_in_place, fit_term
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
-from station.model.formula.grammar import FormulaColumn
+from station.model.formula.grammar import GROUP_LEVELS, FormulaColumn
 from station.model.formula.term import Term, axis_places
 from station.model.forward import sensor_signal
+from station.model.scene import Scene
 
 #: Levels between which a covariate steps, at most, phases of a wave with edges, and how much of a round a pulse lasts.
 MOST_LEVELS, PHASES, PULSE = 12, 24, 0.3
@@ -24,12 +38,17 @@ MOST_LEVELS, PHASES, PULSE = 12, 24, 0.3
 DRIFTS = (-0.6, -0.3, 0.0, 0.3, 0.6)
 #: What differs by less than this share of the range is one level.
 SAME_LEVEL = 1e-3
+#: How far behind another law of a rate must be, nats, as the thermometer's errors are in both: chance puts a wrong one
+#: further ahead once in 740 campaigns (Φ(−√(2x)), as of `LAW_NATS`).
+RATE_NATS = 4.5
+#: Curves that are further apart than this, in white data, are two.
+BEYOND_NOISE = 3.3
 #: Units that are asked, at most.
 MOST_UNITS = 12
 
 
-def edges_say_as_much(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
-    """Whether edges in place of any of some terms, which are what was accepted last, explain as much as it does."""
+def another_form_says_as_much(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
+    """Whether another form in place of any of some terms, which are what was accepted last, explains as much."""
     first, floor = len(problem.accepted) - len(terms), visit_noise(problem)
     if floor.noise <= 0:  # single readings show no noise of their own: what all of them together leave stands for it
         floor = problem.fit().floor
@@ -37,10 +56,29 @@ def edges_say_as_much(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
         if term.is_turn or "since_arrival_s" in term.needs:
             continue
         at = TermSpaces(problem.without(i), floor, MOST_UNITS).of(term)
-        least = _nats(fit_term(term, at), at)
+        own = fit_term(term, at)
+        least = _nats(own, at)
         if any(_nats(fit_in_place(term, columns, at), at) > least for columns in edge_columns(term, at.view)):
             return True
+        others = [fit_in_place(term, columns, at) for columns in rate_columns(term, at.view)]
+        if any(_nats(f, at) > least - RATE_NATS and _is_another_curve(f, own) for f in others):
+            return True
+        if term.of in GROUP_LEVELS and _no_form_says_as_much(own, at):
+            return True
     return False
+
+
+def _is_another_curve(one: TermFit, two: TermFit) -> bool:
+    """Whether two fits are further apart than noise shows: a rate that is never negative is its own size."""
+    return bool(np.sum((one.signal - two.signal) ** 2) > BEYOND_NOISE**2)
+
+
+def _no_form_says_as_much(own: TermFit, at: TermSpace) -> bool:
+    """Whether a number for each occasion is as likely as a term of groups, its price included."""
+    columns = _each_occasion(own.term, at.view)
+    if columns.shape[2] > MOST_FREE_GROUPS:
+        return False
+    return fit_in_place(replace(own.term, of="common"), columns, at).evidence > own.score
 
 
 def _nats(fit: TermFit, at: TermSpace) -> float:
@@ -65,6 +103,37 @@ def edge_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
             axes = [axis_places(c.i, c.j)[place] for c in term.columns]
             for n in range(min(len(steps[axis]) for axis in axes)):
                 yield _on_axes([(c, steps[axis][n] * by) for (c, _, by), axis in zip(parts, axes, strict=True)])
+
+
+def rate_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
+    """The same of each other law of the temperature's rate, where a term goes with that."""
+    if "temperature_rate" in term.needs:
+        signal = sensor_signal(view.scene, view.active)
+        parts = [(c, term.factor_values(c, signal)[0]) for c in term.columns]
+        for form in _forms_of_rate(view.scene):
+            yield _on_axes([(c, felt * form) for c, felt in parts])
+
+
+def _forms_of_rate(scene: Scene) -> Iterator[Floats]:
+    """Other laws (v) of whether, and how fast, a temperature changes."""
+    rate = scene.require("temperature_rate")
+    yield from (np.abs(rate), rate**2)
+    if (memory := TemperatureMemory.of(scene)) is not None:
+        yield from (memory.branch(play, start) for play, start in product(THERMAL_PLAYS, BRANCHES))
+        yield from (memory.temperature_degC - memory.lagged(lag) for lag in LAGS)
+
+
+def _each_occasion(term: Term, view: ResidualView) -> Floats:
+    """Columns (v, 3, K), a number for each visit of each run on each axis of a term, the same for all units."""
+    scene = view.scene
+    of_run = np.stack([scene.codes("run-of-recipe"), scene.visits.visit])
+    occasion = np.unique(of_run, axis=1, return_inverse=True)[1].ravel()
+    there = (occasion[:, None] == np.arange(occasion.max() + 1)).astype(float)
+    axes = sorted({c.i for c in term.columns})
+    found = np.zeros((len(there), 3, len(axes), there.shape[1]))
+    for at, axis in enumerate(axes):
+        found[:, axis, at] = there
+    return found.reshape(len(there), 3, -1)
 
 
 def _steps(x: Floats) -> Iterator[Floats]:
