@@ -414,6 +414,22 @@ def test_a_formulas_curve_is_drawn_at_levels_that_there_are() -> None:
     assert "e−" not in drawn
 
 
+def test_a_formulas_curve_is_smooth_and_has_a_middle_where_a_third_of_the_visits_have_one_level() -> None:
+    """A wave drawn through the means of few visits would be a zigzag; half of the moves are nothing."""
+    rng = np.random.default_rng(4)
+    at = rng.uniform(0, 60, 120)
+    level = np.where(rng.uniform(size=120) < 0.5, 0.0, rng.uniform(0.5, 2, 120) * rng.choice([-1, 1], 120))
+    formula = 1e-4 * level * np.sin(at)
+    x = np.linspace(0, 60, 400)
+    course = np.stack([x, 1e-4 * np.sin(x)])
+    plain = FormulaCurve("x", "time", "Δa_x", at, level, formula, formula, course, "unit:SN0007")
+    drawn = draw_curve(plain, "g")
+    assert "The formula on axis x, unit:SN0007" in drawn
+    assert drawn.count(">Δa_x about ") == 3 and ">Δa_x about 0<" in drawn
+    lines = [line for line in drawn.split("<") if line.startswith(("path", "polyline")) and line.count(" ") > 300]
+    assert len(lines) == 3
+
+
 def test_a_constant_that_a_cause_holds_fixed_has_no_interval() -> None:
     held = {"name": "about", "axis": None, "of": "common", "value": 24.0, "std": 0.0, "unit": "degC"}
     assert parameter_line(held).endswith("about 24 degC")

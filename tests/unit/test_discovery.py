@@ -23,6 +23,7 @@ from station.diagnosis.results.gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
+from station.reporting.diagnosis.formula_curve import formula_curves
 from tests.blind.bench import WHITE, Scaled, World, hide
 from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
@@ -50,6 +51,16 @@ def test_the_formula_of_a_law_outside_the_library_is_found(found: Diagnosis) -> 
     c, about = formula["parameters"]
     assert (c["unit"], c["axis"], c["of"], about["unit"]) == ("1/(g·degC)", "z", "common", "degC")
     assert abs(about["value"] - 25) < 4 * about["std"]
+
+
+def test_its_curve_is_the_formula_over_its_covariate(found: Diagnosis) -> None:
+    (curve,) = formula_curves(found)
+    assert (curve.axis, curve.what, curve.group) == ("z", "a_z²", "")
+    assert curve.course is not None
+    line = np.polyfit(curve.course[0], curve.course[1], 1)
+    c, about = document(found)["unknown"]["hypotheses"][0]["parameters"]
+    np.testing.assert_allclose(line, [c["value"], -c["value"] * about["value"]], rtol=1e-6)
+    np.testing.assert_allclose(curve.formula, curve.level * np.polyval(line, curve.at), atol=1e-9)
 
 
 def test_the_model_carries_it_and_a_second_diagnosis_is_silent(found: Diagnosis) -> None:

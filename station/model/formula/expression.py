@@ -197,6 +197,18 @@ def variables(tree: Expression) -> frozenset[str]:
     return frozenset()
 
 
+def places_of(tree: Expression) -> frozenset[str]:
+    """Places of the variables in a tree."""
+    match tree:
+        case Variable(_, place):
+            return frozenset({place})
+        case Sum(parts) | Multiplication(parts):
+            return frozenset().union(*(places_of(p) for p in parts))
+        case Power(part, _) | Call(_, part):
+            return places_of(part)
+    return frozenset()
+
+
 def constants(tree: Expression) -> tuple[str, ...]:
     """Fields of the constants in a tree, each once, in the order of the text."""
     match tree:

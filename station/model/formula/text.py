@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from html import escape
 
-from station.model.formula.expression import PI, Constant, Expression, Number, Variable
+from station.model.formula.expression import PI, Constant, Expression, Number, Sum, Variable
 from station.model.formula.grammar import INPUTS, XYZ, FormulaColumn
 from station.model.formula.term import Term, axis_places
 from station.model.formula.writer import HALF, Writer, split_product, without_minus
@@ -151,7 +151,15 @@ class MathWriter(Writer):
             return f"<msup><mi>e</mi>{inner}</msup>"
         if function == "abs":
             return f"<mrow><mo>|</mo>{inner}<mo>|</mo></mrow>"
-        opened = (
-            "<mi>max</mi><mo>(</mo><mn>0</mn><mo>,</mo>" if function == "positive" else f"<mi>{function}</mi><mo>(</mo>"
+        # A sum has brackets already, those of the function.
+        inner = (
+            inner.removeprefix("<mrow><mo>(</mo>").removesuffix("<mo>)</mo></mrow>")
+            if isinstance(argument, Sum)
+            else inner
         )
-        return f"<mrow>{opened}{inner}<mo>)</mo></mrow>"
+        name, before = {
+            "positive": ("max", "<mn>0</mn><mo>,</mo>"),
+            "log1p": ("ln", "<mn>1</mn><mo>+</mo>"),
+            "sign": ("sgn", ""),
+        }.get(function, (function, ""))
+        return f"<mrow><mi>{name}</mi><mo>(</mo>{before}{inner}<mo>)</mo></mrow>"

@@ -67,8 +67,10 @@ class DwellSamples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FormulaCurve:
-    """One term of a proposed formula on the axis it moves most, by visit (v): the covariate with its label, the level
-    of what the axis feels and what that is, measured with the term left in, and the term; recipe's unit."""
+    """One term of a proposed formula on the axis it moves most, by visit (v) of the group it moves most: the covariate
+    with its label, the level of what the axis feels and what that is, measured with the term left in, and the term;
+    recipe's unit. course (2, n): covariate and term at level 1, None where the covariate alone does not give it; group:
+    whose visits these are, "" of all."""
 
     axis: str
     label: str
@@ -77,6 +79,8 @@ class FormulaCurve:
     level: Floats
     measured: Floats
     formula: Floats
+    course: Floats | None = None
+    group: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

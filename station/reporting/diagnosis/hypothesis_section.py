@@ -63,10 +63,17 @@ def draw_curve(curve: FormulaCurve, unit: str) -> str:
     series: list[Series] = []
     for level, (name, rows) in enumerate(_levels(curve)):
         x, y, wide, line = _grouped(curve, rows)
-        series.append(Series(x.tolist(), (line * factor).tolist(), name, kind="line", colour=level))
+        drawn = np.stack([x, line])
+        if curve.course is not None:
+            # The visits as they would be at the level of the curve: by the formula, with what it leaves.
+            drawn = curve.course * [[1.0], [float(np.median(curve.level[rows]))]]
+            y += np.interp(x, *drawn) - line
+        series.append(Series(drawn[0].tolist(), (drawn[1] * factor).tolist(), name, kind="line", colour=level))
         low, high = ((y + s * wide) * factor for s in (-1, 1))
         series.append(Series(x.tolist(), (y * factor).tolist(), "", low=low.tolist(), high=high.tolist(), colour=level))
     title = report_text("report-formula-figure", axis=curve.axis)
+    if curve.group:
+        title = report_text("report-formula-figure-of", axis=curve.axis, group=curve.group)
     return svg(Figure(title, curve.label, words, tuple(series), width=760, height=360))
 
 
@@ -81,11 +88,17 @@ def _levels(curve: FormulaCurve) -> Iterator[tuple[str, Array]]:
     if len(levels) <= FEW_LEVELS:
         parts = [code == k for k in sorted({0, len(levels) // 2, len(levels) - 1})]
     else:
-        low, high = np.quantile(s, (1 / 3, 2 / 3))
-        parts = [s <= low, (s > low) & (s < high), s >= high]
+        # A level that a third of the visits have leaves no third beside it: then a third of the levels.
+        split = [_thirds(s, np.quantile(of, (1 / 3, 2 / 3))) for of in (s, levels)]
+        parts = next((some for some in split if all(rows.any() for rows in some)), split[-1])
     for rows in (rows for rows in parts if rows.any()):
-        value = format_significant(float(s[rows].mean()))
+        value = format_significant(float(np.median(s[rows])))
         yield report_text("report-formula-level", what=curve.what, value=value), rows
+
+
+def _thirds(s: Floats, ends: Array) -> list[Array]:
+    """Visits below, between and above two levels."""
+    return [s < ends[0], (s >= ends[0]) & (s <= ends[1]), s > ends[1]]
 
 
 def _grouped(curve: FormulaCurve, rows: Array) -> tuple[Floats, Floats, Floats, Floats]:
