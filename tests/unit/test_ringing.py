@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from station.diagnosis.data.reduce import BLOCK_EDGES, reduce_samples
-from station.diagnosis.data.ringing import FALSE_RINGINGS, find_ringing
+from station.diagnosis.data.reduce import BLOCK_EDGES, MOST_BLOCKS, reduce_samples, ringing_edges
+from station.diagnosis.data.ringing import FALSE_RINGINGS, Ringing, find_ringing
 from station.diagnosis.data.visit_noise import sample_noise
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -71,6 +73,16 @@ def test_noise_of_any_colour_rings_as_seldom_as_stated(kept: float) -> None:
     # More than two of 60 at that chance are rarer than one in 300.
     assert FALSE_RINGINGS * sets < 0.31
     assert found <= 2
+
+
+@given(st.floats(2, 30), st.floats(0.03, 0.5), st.floats(0.08, 60))
+def test_the_blocks_of_a_ringing_rise_to_the_end_of_the_dwell(hz: float, constant_s: float, dwell_s: float) -> None:
+    edges = ringing_edges(Ringing(hz, constant_s, 0.0), dwell_s)
+    assert edges[-1] == 1.0
+    assert np.all(np.diff(edges, prepend=0.0) > 0)
+    # None is shorter than a quarter of a wave, and no dwell has more than a fleet's memory can hold.
+    assert np.diff(edges, prepend=0.0).min() > min(0.99 / (4 * hz * dwell_s), 0.059)
+    assert len(edges) <= MOST_BLOCKS + len(BLOCK_EDGES)
 
 
 def test_where_nothing_rings_the_blocks_are_those_of_any_dwell() -> None:

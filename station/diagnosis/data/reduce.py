@@ -114,17 +114,18 @@ def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     if ringing is None:
         part = reduce_part(table, visit, sigma)
         return join_parts(recipe, part.means, [part], sigma)
-    edges = _ringing_edges(ringing, float(np.median(_first_and_length(table.time_s, visit, int(visit.max()) + 1)[1])))
+    edges = ringing_edges(ringing, float(np.median(_first_and_length(table.time_s, visit, int(visit.max()) + 1)[1])))
     part = reduce_part(table, visit, sigma, edges)
     return replace(join_parts(recipe, part.means, [part], sigma), ringing_hz=ringing.frequency_hz, edges=edges)
 
 
-def _ringing_edges(ringing: Ringing, dwell_s: float) -> Floats:
+def ringing_edges(ringing: Ringing, dwell_s: float) -> Floats:
     """Ends of the sub-blocks that follow a ringing, as shares of a dwell."""
     step = 1 / (WAVE_BLOCKS * ringing.frequency_hz * dwell_s)
     last = min(RINGS_FOR * ringing.time_constant_s / dwell_s, MOST_OF_DWELL)
-    fine = step * np.arange(1, 1 + min(MOST_BLOCKS, max(1, round(last / step))))
-    return np.append(fine, BLOCK_EDGES[NEXT_BLOCK * fine[-1] < BLOCK_EDGES])
+    fine = step * np.arange(1, 1 + min(MOST_BLOCKS, int(last / step)))
+    coarse = BLOCK_EDGES[:-1]
+    return np.r_[fine, coarse[NEXT_BLOCK * fine.max(initial=0.0) < coarse], 1.0]
 
 
 def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edges: Floats = BLOCK_EDGES) -> ReducedPart:
