@@ -195,7 +195,7 @@ def test_a_rate_that_only_follows_a_temperature_that_lags_is_no_whole_law(laggin
         return w.a, added
 
     term = Term("own-squared", "temperature-rate", ("y",), "common")
-    table, _ = hide(recipe(), hidden, 5, d=24.0)  # type: ignore[arg-type]
+    table, _ = hide(recipe(), hidden, 11, d=24.0)  # type: ignore[arg-type]
     problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
     fit = fit_term(term, TermSpaces(problem, problem.fit().floor).of(term))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)

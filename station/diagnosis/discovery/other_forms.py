@@ -19,6 +19,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import scipy
 
 from station.diagnosis.candidates.rival_laws import BRANCHES, LAGS, THERMAL_PLAYS
 from station.diagnosis.candidates.temperature_memory import TemperatureMemory
@@ -115,12 +116,17 @@ def rate_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
 
 
 def _forms_of_rate(scene: Scene) -> Iterator[Floats]:
-    """Other laws (v) of whether, and how fast, a temperature changes."""
-    rate = scene.require("temperature_rate")
+    """Other laws (v) of whether, and how fast, a temperature changes, and edges of the temperature itself."""
+    rate, runs = scene.require("temperature_rate"), tuple(scene.visits.run_slices())
+    # The rate is that of a smooth course: by the thermometer's own, every other law would bear its noise alone.
+    integral = scipy.integrate.cumulative_trapezoid
+    course = np.concatenate([integral(rate[rows], scene.time_s[rows], initial=0.0) for rows in runs])
+    memory = TemperatureMemory(course, scene.time_s, runs)
     yield from (np.abs(rate), rate**2)
-    if (memory := TemperatureMemory.of(scene)) is not None:
+    if memory.range_degC > 0:
         yield from (memory.branch(play, start) for play, start in product(THERMAL_PLAYS, BRANCHES))
-        yield from (memory.temperature_degC - memory.lagged(lag) for lag in LAGS)
+    yield from (memory.temperature_degC - memory.lagged(lag) for lag in LAGS)
+    yield from _steps(scene.require("temperature_degC"))
 
 
 def _each_occasion(term: Term, view: ResidualView) -> Floats:
