@@ -1,6 +1,7 @@
 """What no cause describes is followed by a kernel that says on what it depends."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,57 @@ def _fast_wave(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray(np.sin(2 * np.pi * 3.7 * t / np.ptp(t) + phase)[:, None] * rng.standard_normal(3))
 
 
+def _nest_frame(view: ResidualView, turned: Floats) -> Floats:
+    """What small turns (v, 3) in the nests' frame do to what the devices feel."""
+    seats = view.scene.visits.seat_R
+    above = np.einsum("vij,vj->vi", seats, resting_stimulus(view.scene))
+    return np.asarray(np.einsum("vji,vj->vi", seats, np.cross(turned, above)))
+
+
+def _by_the_way_of_the_move(view: ResidualView, rng: np.random.Generator) -> Floats:
+    R, previous = view.scene.visits.nest_R, view.scene.visits.previous
+    apart = np.einsum("vij,vkj->vik", R, R[previous])
+    # About x the rig went the way in which y goes to z; half a turn may be either.
+    way = np.sign(np.round(apart[:, 2, 1] - apart[:, 1, 2], 9)) * (previous >= 0)
+    return np.asarray(way[:, None] * rng.standard_normal(3))
+
+
+def _what_was_felt_before(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a, left = resting_stimulus(view.scene), np.zeros((len(view.scene.visits), 3))
+    for i, before in enumerate(view.scene.visits.previous):
+        left[i] = 0.8 * left[before] + a[before] if before >= 0 else 0.0
+    return np.asarray(left * rng.standard_normal(3))
+
+
+def _motor_before(view: ResidualView, rng: np.random.Generator) -> Floats:
+    motor, previous = view.scene.motor, view.scene.visits.previous
+    assert motor is not None
+    return np.asarray(np.where(previous >= 0, motor[previous] - motor.mean(), 0.0)[:, None] * rng.standard_normal(3))
+
+
+def _each_nest_sags(view: ResidualView, rng: np.random.Generator) -> Floats:
+    nest, position = view.scene.group("nest")[0], view.scene.visits.position.code
+    return _nest_frame(view, rng.standard_normal((2, 24, 3))[nest, position])
+
+
+def _seated_anew(view: ResidualView, rng: np.random.Generator) -> Floats:
+    run, names = view.scene.group("run")
+    return _nest_frame(view, rng.standard_normal((len(names), 3))[run])
+
+
+def _ripple(view: ResidualView, rng: np.random.Generator) -> Floats:
+    t, run = view.scene.time_s, view.scene.group("run")[0]
+    phase = rng.uniform(0, 2 * np.pi, run.max() + 1)[run]
+    return np.asarray(np.sin(2 * np.pi * 7.7 * t / np.ptp(t) + phase)[:, None] * rng.standard_normal(3))
+
+
+def _day_and_night(view: ResidualView, rng: np.random.Generator) -> Floats:
+    started = view.scene.started_s
+    assert started is not None
+    clock = started + view.scene.time_s
+    return np.asarray(np.sin(2 * np.pi * 1.4 * clock / np.ptp(clock) + 1.0)[:, None] * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
@@ -77,6 +129,13 @@ def _fast_wave(view: ResidualView, rng: np.random.Generator) -> Floats:
         (_product_of_the_others, "input", 6, 1e-9),
         # Half a step between two waves loses less than a half.
         (_fast_wave, "time", 36, 0.5),
+        (_ripple, "time/ripple", 36, 0.5),
+        (_day_and_night, "time", 18, 0.05),
+        (_by_the_way_of_the_move, "order", 9, 0.3),
+        (_what_was_felt_before, "order", 6, 1e-9),
+        (_motor_before, "motor", 6, 1e-9),
+        (_each_nest_sags, "position", 144, 1e-3),
+        (_seated_anew, "unit", 18, 1e-3),
     ],
 )
 def test_a_law_is_followed_in_few_numbers_under_its_own_words(
@@ -89,6 +148,16 @@ def test_a_law_is_followed_in_few_numbers_under_its_own_words(
         if columns.shape[2] <= numbers
     ]
     assert min(shares) < left
+
+
+def test_heat_that_rises_through_the_part_is_followed(view: ResidualView, rng: np.random.Generator) -> None:
+    phase = 4 * np.pi * view.scene.time_s / np.ptp(view.scene.time_s)
+    room = replace(view.scene, temperature_degC=20 + np.sin(phase), temperature_rate=np.cos(phase))
+    swaying = replace(view, reduced=replace(view.reduced, scene=room))
+    flow = np.sign(np.cos(phase)) * resting_stimulus(room)[:, 2]
+    readings = flow[:, None] * rng.standard_normal(3)
+    found = [_columns(c) for c in kernel_candidates(swaying) if c.name == "temperature*input" and c.of == "common"]
+    assert min(_left(readings, columns, swaying) for columns in found if columns.shape[2] <= 9) < 1e-9
 
 
 def _square_of_the_rate(view: ResidualView, rng: np.random.Generator) -> Floats:

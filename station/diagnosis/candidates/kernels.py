@@ -5,21 +5,33 @@ described yet; its name says on what it depends: one covariate, or two of which 
 These are the only columns that are not made by the simulation.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
+from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.kernel_columns import (
+    diagonal,
+    each_axis,
+    grouped_kernel,
+    kernel,
+    kernels_at,
+    levels_that_differ,
+    packed_codes,
+    scaled,
+    steps_of,
+)
+from station.diagnosis.candidates.motion_kernels import motion_kernels
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.reduce import mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
-from station.diagnosis.linear.evidence import Pattern
-from station.domain.core.types import Array, Floats
+from station.domain.core.types import Floats
 from station.model.effect import Effect
+from station.model.effects.base_tilt import BaseTilt
 from station.model.effects.disturbed_visit import DisturbedVisit
 from station.model.effects.nest_tilt import NestTilt
 from station.model.forward import resting_stimulus
@@ -36,30 +48,34 @@ _ACTS_BY = {
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input", "position")
 #: All kernels.
-KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)))
+KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)), "time/ripple")
 #: The kernel of what changes within the dwells.
 MOVING_KERNEL = "dwell-phase"
 #: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
 LAG, PLAY = 0.3, 0.4
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
+#: Half waves of the kernel over a whole campaign.
+CAMPAIGN_WAVES = np.arange(1, 7)
 #: Whole waves of what an axis feels from one end to the other, in steps that none falls between.
 INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
 #: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
 #: wave.
 SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
+#: From one ripple to the next faster one, waves in a run; visits of the longest run of which they are looked for.
+RIPPLE_STEP, MOST_RIPPLED = 0.8, 64
 
 
 def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
-    still = (_time, _order, _position, _temperature, _input, _unit, _group, _motor, _products, _swinging_gain)
-    makers = (*still, _changing_rig, _phase)
+    still = (_time, _ripple, _order, _position, _temperature, _input, _unit, _group, _motor, _products, _swinging_gain)
+    makers = (*still, motion_kernels, _heated_by_pose, _changing_rig, _phase)
     return [candidate for make in makers for candidate in make(view)]
 
 
 def covariates_of(name: str) -> tuple[str, ...]:
     """On what a kernel depends: one word of `depends_on`, or two."""
-    return tuple(name.split("*"))
+    return tuple(name.split("/", maxsplit=1)[0].split("*"))
 
 
 def acts_by(effect: Effect | type[Effect]) -> str:
@@ -67,48 +83,23 @@ def acts_by(effect: Effect | type[Effect]) -> str:
     return _ACTS_BY.get(effect.drawn_over, "input")
 
 
-def _kernel(name: str, of: str, view: ResidualView, columns: StopColumns) -> Candidate:
-    """A kernel shared at one of the scene's levels."""
-    code, names = view.scene.group(of)
-    return _grouped(name, of, code, names, columns)
-
-
-def _grouped(name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...], columns: StopColumns) -> Candidate:
-    pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
-    return Candidate(name, None, of, pattern, code, names, columns)
-
-
-def _levels(view: ResidualView, *levels: str) -> Iterator[str]:
-    """Levels that differ in these data."""
-    taken: set[tuple[bool, bytes]] = set()
-    for of in levels:
-        key = (of in PER_UNIT_LEVELS and view.grid.units > 1, view.scene.group(of)[0].tobytes())
-        if key not in taken:
-            taken.add(key)
-            yield of
-
-
 def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
-    """A nest that turns, and positions that move, straight with time, temperature or the drive."""
+    """A nest or a base that turns, and positions that move, with time, temperature or the drive."""
     if not view.scene.recipe.pose_known:
         return
     visits = view.scene.visits
-    tilt = view.signature(NestTilt.example(), "common")[0]
+    tilt, base = (view.signature(cause.example(), "common")[0] for cause in (NestTilt, BaseTilt))
     nests = ["nest"] if view.scene.is_recorded("nest") else []
     moved = visits.seat_R.transpose(0, 2, 1)
     for name, functions in _factors(view).items():
         if name in ("order", "input"):
             continue
-        x = functions[:, :, :1]
-        for of in _levels(view, *nests, "common"):
-            yield _kernel(f"{name}*input", of, view, StopColumns.of(tilt * x))
+        x, bent = functions[:, :, :1], functions[:, :, 1:]
+        yield from kernels_at(view, f"{name}*input", tilt * x, *nests, "common")
+        # The base may lean, and come back.
+        yield from kernels_at(view, f"{name}*input", np.concatenate([base * x, base * bent], axis=2), "common")
         if name != "motor":
-            yield _kernel(f"{name}*position", "position", view, StopColumns.of(moved * x))
-
-
-def _each_axis(functions: Array) -> Floats:
-    """Functions (v, f) on each axis on its own: columns (v, 3, 3·f)."""
-    return np.asarray(np.einsum("ij,vf->vifj", np.eye(3), functions).reshape(len(functions), 3, -1), float)
+            yield kernel(f"{name}*position", "position", view, StopColumns.of(moved * x))
 
 
 def _time(view: ResidualView) -> Iterator[Candidate]:
@@ -116,14 +107,30 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
     t = view.scene.time_s
     share = (t - t.min()) / max(float(np.ptp(t)), 1e-9)
     for waves in HALF_WAVES:
-        columns = StopColumns.of(_each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
-        for of in _levels(view, "run", "unit", "common"):
-            yield _kernel("time", of, view, columns)
+        columns = StopColumns.of(each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
+        for of in levels_that_differ(view, "run", "unit", "common"):
+            yield kernel("time", of, view, columns)
     # Some swings in a run, with any phase: few numbers, where a run has few visits.
     for swing in _swings(view):
-        columns = StopColumns.of(_each_axis(np.concatenate(swing, axis=1)))
-        for of in _levels(view, "run", "unit", "common"):
-            yield _kernel("time", of, view, columns)
+        columns = StopColumns.of(each_axis(np.concatenate(swing, axis=1)))
+        for of in levels_that_differ(view, "run", "unit", "common"):
+            yield kernel("time", of, view, columns)
+    yield from _campaign(view)
+
+
+def _campaign(view: ResidualView) -> Iterator[Candidate]:
+    """Slow waves over all runs of a unit, or of all units, by the clock of the campaign: day and night, a room that
+    dries, what ages."""
+    started = view.scene.started_s
+    if started is None or len(view.scene.group("run")[1]) == view.grid.units:
+        return
+    clock, unit = started + view.scene.time_s, view.scene.visits.unit.code
+    first, last = np.full(view.grid.units, np.inf), np.full(view.grid.units, -np.inf)
+    np.minimum.at(first, unit, clock)
+    np.maximum.at(last, unit, clock)
+    own = (clock - first[unit]) / np.maximum(last - first, 1e-9)[unit]
+    for of, share in (("unit", own), ("common", (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9))):
+        yield kernel("time", of, view, StopColumns.of(each_axis(np.cos(np.pi * share[:, None] * CAMPAIGN_WAVES))))
 
 
 def _swings(view: ResidualView) -> Iterator[tuple[Floats, Floats]]:
@@ -135,41 +142,53 @@ def _swings(view: ResidualView) -> Iterator[tuple[Floats, Floats]]:
         yield np.cos(2 * np.pi * cycles * share), np.sin(2 * np.pi * cycles * share)
 
 
-def _diagonal(values: Floats) -> Floats:
-    """Values (v, 3) of each axis on that axis alone: columns (v, 3, 3)."""
-    return np.asarray(np.eye(3) * values[:, None, :])
+def _ripple(view: ResidualView) -> Iterator[Candidate]:
+    """Waves faster than those, down to two visits each: a conveyor that passes, a compressor that comes on."""
+    visits, t = view.grid.slot.shape[2], view.scene.time_s
+    slowest = max(c for c in SWINGS if c <= max(MOST_FEW, visits / VISITS_A_WAVE)) + RIPPLE_STEP
+    if visits > MOST_RIPPLED or not np.ptp(t):
+        return
+    share = (t - t.min()) / np.ptp(t)
+    for cycles in np.arange(slowest, visits / 2, RIPPLE_STEP):
+        wave = np.stack([np.cos(2 * np.pi * cycles * share), np.sin(2 * np.pi * cycles * share)], axis=1)
+        yield from kernels_at(view, "time/ripple", each_axis(wave), "run", "common")
 
 
 def _order(view: ResidualView) -> Iterator[Candidate]:
     """Every second stop, the step from the one before on any axis, the length of the move, what each axis felt before
     that, and the position before."""
     visits = view.scene.visits
-    turn = _each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
+    turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = resting_stimulus(view.scene, view.active)
-    step = _each_axis(_steps(view, a))
+    step = each_axis(steps_of(view, a))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
-    earlier = _diagonal(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
-    turned = StopColumns.of(_diagonal(a) * turn)
-    length = _each_axis(np.linalg.norm(_steps(view, a), axis=1)[:, None])
+    earlier = diagonal(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
+    turned = StopColumns.of(diagonal(a) * turn)
+    length = each_axis(np.linalg.norm(steps_of(view, a), axis=1)[:, None])
     alone = [StopColumns.of(columns) for columns in (turn, step, length, earlier)]
-    for of in _levels(view, "unit", "common"):
-        yield from (_kernel("order", of, view, columns) for columns in alone)
-        yield _kernel("order*input", of, view, turned)
+    for of in levels_that_differ(view, "unit", "common"):
+        yield from (kernel("order", of, view, columns) for columns in alone)
+        yield kernel("order*input", of, view, turned)
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
-    yield _grouped("order", "previous", before.astype(np.int32), names, _ones(view))
+    yield grouped_kernel("order", "previous", before.astype(np.int32), names, _ones(view))
 
 
 def _position(view: ResidualView) -> Iterator[Candidate]:
-    """Any offset at each position: along the device's axes, along the nest's, for each unit."""
+    """Any offset at each position: along the device's axes, along the nest's, for each unit; a turn in each nest."""
     visits = view.scene.visits
     places = len(visits.position.names)
-    yield _kernel("position", "position", view, _ones(view))
+    yield kernel("position", "position", view, _ones(view))
     if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
-        yield _kernel("position", "position", view, StopColumns.of(visits.seat_R.transpose(0, 2, 1)))
+        yield kernel("position", "position", view, StopColumns.of(visits.seat_R.transpose(0, 2, 1)))
+    nest, nests = view.scene.group("nest")
+    both = np.unique(np.stack([visits.unit.code, nest]), axis=1).shape[1]
+    if view.scene.recipe.pose_known and len(nests) > 1 and not both == len(nests) == view.grid.units:
+        turn = StopColumns.of(view.signature(NestTilt.example(), "common")[0])
+        yield grouped_kernel("position", "nest-position", *packed_codes(nest * places + visits.position.code), turn)
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
-        yield _grouped("position", "unit-position", *_packed(code), _ones(view))
+        yield grouped_kernel("position", "unit-position", *packed_codes(code), _ones(view))
 
 
 def _temperature(view: ResidualView) -> Iterator[Candidate]:
@@ -179,23 +198,17 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
         return
     # A bend or two of what a straight line leaves, or any curve.
     for degree in (3, 6):
-        columns = StopColumns.of(_each_axis(legendre.legvander(_scaled(T), degree)[:, 1:]))
-        for of in _levels(view, "unit", "common"):
-            yield _kernel("temperature", of, view, columns)
+        columns = StopColumns.of(each_axis(legendre.legvander(scaled(T), degree)[:, 1:]))
+        for of in levels_that_differ(view, "unit", "common"):
+            yield kernel("temperature", of, view, columns)
     memory = TemperatureMemory.of(view.scene)
     if memory is not None:
         # What lags behind it, or is on another branch while it rises.
         branches = [memory.branch(PLAY, start) for start in (-1.0, 1.0)]
         functions = np.stack([(T - memory.lagged(LAG)) / memory.range_degC, *branches], axis=1)
-        columns = StopColumns.of(_each_axis(functions))
-        for of in _levels(view, "unit", "common"):
-            yield _kernel("temperature", of, view, columns)
-
-
-def _steps(view: ResidualView, a: Floats) -> Floats:
-    """By how much what each axis feels (v, 3) was another at the stop before."""
-    previous = view.scene.visits.previous
-    return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
+        columns = StopColumns.of(each_axis(functions))
+        for of in levels_that_differ(view, "unit", "common"):
+            yield kernel("temperature", of, view, columns)
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
@@ -204,12 +217,16 @@ def _input(view: ResidualView) -> Iterator[Candidate]:
     a = resting_stimulus(view.scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
-    products = _each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
-    waves = [[_diagonal(f(m * np.pi * a)) for f in (np.sin, np.cos)] for m in INPUT_WAVES]
-    for columns in (products, _products_of_axes(a)[0], *(np.concatenate(wave, axis=2) for wave in waves)):
-        packed = StopColumns.of(columns)
-        for of in _levels(view, "unit", "common"):
-            yield _kernel("input", of, view, packed)
+    products = each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
+    waves = [np.concatenate([diagonal(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2) for m in INPUT_WAVES]
+    squares, triple = products[:, :, _of_degree(powers, 2)], each_axis(np.prod(a, axis=1)[:, None])
+    for columns in (products, squares, triple, _products_of_axes(a)[0], *waves):
+        yield from kernels_at(view, "input", columns, "unit", "common")
+
+
+def _of_degree(powers: Sequence[tuple[int, ...]], degree: int) -> NDArray[np.intp]:
+    """Which of the columns of each axis are products of so many components."""
+    return np.flatnonzero([len(p) == degree for p in powers for _ in range(3)])
 
 
 def _phase(view: ResidualView) -> Iterator[Candidate]:
@@ -220,13 +237,13 @@ def _phase(view: ResidualView) -> Iterator[Candidate]:
     blocks = np.arange(r.count.shape[1])
     pulse = (blocks[:, None] == blocks[:-1]).astype(float)
     a = resting_stimulus(view.scene, view.active)
-    step = _steps(view, a)
+    step = steps_of(view, a)
     slow = (np.repeat(x, 3, axis=1) for x in _slow_courses(view))
     for size in (np.ones_like(a), step, a, *slow):
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
         columns = StopColumns.of(*mean_and_contrasts(rows, r.count))
-        for of in _levels(view, "unit", "common"):
-            yield _kernel(MOVING_KERNEL, of, view, columns)
+        for of in levels_that_differ(view, "unit", "common"):
+            yield kernel(MOVING_KERNEL, of, view, columns)
 
 
 def _slow_courses(view: ResidualView) -> Iterator[Floats]:
@@ -234,16 +251,18 @@ def _slow_courses(view: ResidualView) -> Iterator[Floats]:
     T = view.scene.temperature_degC
     for x in (view.scene.time_s, None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T):
         if x is not None and np.ptp(x) > 0:
-            yield _scaled(x)[:, None]
+            yield scaled(x)[:, None]
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:
-    """Another offset and another gain in each run of each unit."""
+    """Another offset, another gain and another turn in each run of each unit: it was seated anew."""
     if len(view.scene.group("run")[1]) == view.grid.units:
         return
     a = resting_stimulus(view.scene, view.active)
-    yield _kernel("unit", "run", view, _ones(view))
-    yield _kernel("unit", "run", view, StopColumns.of(_diagonal(a)))
+    others = np.concatenate([diagonal(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
+    turn = [view.signature(NestTilt.example(), "common")[0]] if view.scene.recipe.pose_known else []
+    for columns in (_ones(view), *(StopColumns.of(x) for x in (diagonal(a), others, *turn))):
+        yield kernel("unit", "run", view, columns)
 
 
 def _group(view: ResidualView) -> Iterator[Candidate]:
@@ -252,8 +271,8 @@ def _group(view: ResidualView) -> Iterator[Candidate]:
     matrix = StopColumns.of(np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
-            yield _kernel("group", of, view, _ones(view))
-            yield _kernel("group", of, view, matrix)
+            yield kernel("group", of, view, _ones(view))
+            yield kernel("group", of, view, matrix)
 
 
 def _motor(view: ResidualView) -> Iterator[Candidate]:
@@ -262,9 +281,9 @@ def _motor(view: ResidualView) -> Iterator[Candidate]:
     if motor is None or not np.ptp(motor):
         return
     for degree in (3, 7):
-        columns = StopColumns.of(_each_axis(legendre.legvander(_scaled(motor), degree)[:, 1:]))
-        for of in _levels(view, "unit", "common"):
-            yield _kernel("motor", of, view, columns)
+        columns = StopColumns.of(each_axis(legendre.legvander(scaled(motor), degree)[:, 1:]))
+        for of in levels_that_differ(view, "unit", "common"):
+            yield kernel("motor", of, view, columns)
 
 
 def _products(view: ResidualView) -> Iterator[Candidate]:
@@ -278,32 +297,43 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             both = factor[one][:, :, :bends, None] * factor[two][:, :, None, :bends]
             functions = both.reshape(len(both), 3, -1)
             columns = StopColumns.of(np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1))
-            for of in _levels(view, "unit", "common") if bends == 1 else ("unit",):
-                yield _kernel(f"{one}*{two}", of, view, columns)
+            for of in levels_that_differ(view, "unit", "common") if bends == 1 else ("unit",):
+                yield kernel(f"{one}*{two}", of, view, columns)
     a = resting_stimulus(view.scene, view.active)
     for one in FACTORS:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
             # What each axis takes of any, of the product of the two others, or of its own with them.
-            for forms in (_each_axis(a), *_products_of_axes(a)):
+            for forms in (each_axis(a), *_products_of_axes(a)):
                 columns = StopColumns.of(forms * factor[one][:, :, :1])
-                for of in _levels(view, "unit", "common"):
-                    yield _kernel(name, of, view, columns)
+                for of in levels_that_differ(view, "unit", "common"):
+                    yield kernel(name, of, view, columns)
+
+
+def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
+    """What each axis takes of any while the temperature changes: a flow of heat that turns with the part."""
+    memory, rate = TemperatureMemory.of(view.scene), view.scene.temperature_rate
+    if memory is None or rate is None:
+        return
+    a = resting_stimulus(view.scene, view.active)
+    for x in (np.sign(rate), (memory.temperature_degC - memory.lagged(LAG)) / memory.range_degC):
+        if np.ptp(x) > 0:
+            yield from kernels_at(view, "temperature*input", each_axis(a) * x[:, None, None], "unit", "common")
 
 
 def _products_of_axes(a: Floats) -> tuple[Floats, Floats]:
     """On each axis the product of the two others (v, 3, 3), and its own with each of them (v, 3, 6)."""
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
-    return _diagonal(one * two), np.concatenate([_diagonal(a * one), _diagonal(a * two)], axis=2)
+    return diagonal(one * two), np.concatenate([diagonal(a * one), diagonal(a * two)], axis=2)
 
 
 def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
     """A gain that swings in time, with any phase."""
     a = resting_stimulus(view.scene, view.active)
     for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
-        columns = StopColumns.of(np.concatenate([_diagonal(a * wave) for wave in swing], axis=2))
-        for of in _levels(view, "run", "unit", "common"):
-            yield _kernel("time*input", of, view, columns)
+        columns = StopColumns.of(np.concatenate([diagonal(a * wave) for wave in swing], axis=2))
+        for of in levels_that_differ(view, "run", "unit", "common"):
+            yield kernel("time*input", of, view, columns)
 
 
 def _factors(view: ResidualView) -> dict[str, Floats]:
@@ -312,12 +342,12 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
     scene = view.scene
     a = resting_stimulus(scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    step = _steps(view, a)
+    step = steps_of(view, a)
     plain: dict[str, Floats | None] = {"time": scene.time_s, "motor": scene.motor}
     T = scene.temperature_degC
     plain["temperature"] = None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T
     found = {
-        name: np.repeat(legendre.legvander(_scaled(x), 2)[:, None, 1:], 3, axis=1)
+        name: np.repeat(legendre.legvander(scaled(x), 2)[:, None, 1:], 3, axis=1)
         for name, x in plain.items()
         if x is not None and np.ptp(x) > 0
     }
@@ -326,18 +356,6 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
 
 def _ones(view: ResidualView) -> StopColumns:
     return StopColumns.of(np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
-
-
-def _scaled(values: Floats) -> Floats:
-    """Values brought to −1 … 1."""
-    low, high = float(values.min()), float(values.max())
-    return np.asarray(2 * (values - low) / max(high - low, 1e-300) - 1)
-
-
-def _packed(code: Array) -> tuple[NDArray[np.int32], tuple[str, ...]]:
-    """Codes without gaps, and names for them."""
-    names, packed = np.unique(code, return_inverse=True)
-    return packed.astype(np.int32), tuple(f"group:{n}" for n in names)
 
 
 def disturbed_readings(view: ResidualView) -> list[Candidate]:

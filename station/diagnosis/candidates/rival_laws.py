@@ -13,6 +13,7 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidates
 from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.kernel_columns import packed_codes
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import has_jump
@@ -178,7 +179,7 @@ def _of_each(law: Candidate, view: ResidualView) -> Iterator[Candidate]:
 
 def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator[Candidate]:
     """A cause that is another in each nest, station, lot or for each operator, of those that the library has for units
-    only."""
+    only; of one at each position, another set of them."""
     units = view.scene.visits.unit.code
     for of in LABELS:
         if of in effect.of or not view.scene.is_recorded(of):
@@ -187,6 +188,8 @@ def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator
         both = len(np.unique(np.stack([units, code]), axis=1).T)
         if len(names) > 1 and not both == len(names) == view.grid.units:
             law = _law_of(cause, f"{acts_by(effect)}*group", cause.columns)
+            if cause.of == "position":
+                code, names = packed_codes(code * len(cause.names) + cause.code)
             yield replace(law, name=f"{law.name}/{of}", of=of, pattern="shared", code=code, names=names)
 
 
@@ -318,6 +321,7 @@ def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     for name, of in curves.items():
         plain = () if name == "temperature" else (of.plain,)
         yield from ((f"{name}*input", (_each(x) * a,)) for x in (*plain, *of.bent, *of.switched))
+        yield from ((f"{name}*input", (_each(x) * a, _each(y) * a)) for x, y in of.waves)
     for (one, x), (two, y) in combinations(curves.items(), 2):
         yield f"{one}*{two}*input", (_each(x.plain * y.plain) * a,)
 
@@ -358,13 +362,18 @@ def _forms_of_input(a: Floats) -> Iterator[Law]:
     yield from (("input", (np.sin(m * np.pi * a),)) for m in HALF_WAVES)
     yield from (("input", (np.cos(m * np.pi * a),)) for m in HALF_WAVES)
     yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
+    yield from (("input", (form(one), form(two))) for form in (np.abs, np.square))
+    yield from (("input", (a * form(one), a * form(two))) for form in (np.abs, np.square))
 
 
 def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
     """What follows the step from the stop before in another way than in proportion."""
     size, way = np.abs(step), np.sign(step) * (np.abs(step) > 1e-6)
     yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
-    yield from (("order", (form,)) for form in (way, way * np.minimum(size, PLAY), step * size, size))
+    yield from (
+        ("order", (form,)) for form in (way, way * np.minimum(size, PLAY), way * np.sqrt(size), step * size, size)
+    )
     yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
     move = _each(np.linalg.norm(step, axis=1))
     yield from (("order", (form,)) for form in (move, step * move, way * move))

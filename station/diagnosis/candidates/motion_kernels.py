@@ -1,0 +1,93 @@
+"""Kernels of how the rig came to a visit: which way it turned, how far in all, what stays of the visits before.
+
+A cable that is dragged pulls by the sign of the turn and winds up with it; a gear leans to the flank that it drives by;
+grease, glue and rubber forget over several visits, and what the motors heated or shook loose does so too.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import Candidate
+from station.diagnosis.candidates.kernel_columns import diagonal, each_axis, kernels_at, steps_of
+from station.diagnosis.data.residuals import ResidualView
+from station.domain.core import rotation
+from station.domain.core.types import Floats
+from station.model.effects.base_tilt import BaseTilt
+from station.model.forward import resting_stimulus
+
+#: Shares of what one visit left that the next one keeps: of what was felt, of a long move, of what the motors did.
+FELT_KEPT, MOVE_KEPT, MOTOR_KEPT = (0.5, 0.8), 0.6, (0.0, 0.75)
+#: A turn about an axis below this is none, rad.
+LEAST_TURN = 1e-6
+
+
+def motion_kernels(view: ResidualView) -> Iterator[Candidate]:
+    """Every kernel of the rig's motion that these data can show."""
+    yield from _turns(view)
+    yield from _memories(view)
+    yield from _motor_before(view)
+
+
+def _turns(view: ResidualView) -> Iterator[Candidate]:
+    """Which way the rig turned about its axes, whether that is another way than before, and how far it is wound up."""
+    if not view.scene.recipe.pose_known:
+        return
+    turn = turns_of(view)
+    way = np.sign(turn) * (np.abs(turn) > LEAST_TURN)
+    for functions in (way, _reversals(way, view), _wound_up(turn, view)):
+        if np.any(functions):
+            yield from kernels_at(view, "order", each_axis(functions), "unit", "common")
+    tilt = view.signature(BaseTilt.example(), "common")[0]
+    leaning = np.einsum("via,vk->viak", tilt, way).reshape(len(way), 3, -1)
+    yield from kernels_at(view, "order", leaning, "common")
+
+
+def turns_of(view: ResidualView) -> Floats:
+    """Rotation vectors (v, 3), rad, of the moves in the station's frame; zero at the first visit of a run."""
+    R, previous = view.scene.visits.nest_R, view.scene.visits.previous
+    return np.where(previous[:, None] >= 0, rotation.to_vector(R @ R[previous].transpose(0, 2, 1)), 0.0)
+
+
+def _reversals(way: Floats, view: ResidualView) -> Floats:
+    """The way (v, 3) where it is another than that of the last turn about the same axis, else zero."""
+    last, found = np.zeros(3), np.zeros_like(way)
+    for i, before in enumerate(view.scene.visits.previous):
+        last = last if before >= 0 else np.zeros(3)
+        found[i] = way[i] * (way[i] * last < 0)
+        last = np.where(way[i] != 0, way[i], last)
+    return found
+
+
+def _wound_up(turn: Floats, view: ResidualView) -> Floats:
+    """Turns (v, 3) summed up over each run."""
+    return remembered(turn, view, 1.0)
+
+
+def _memories(view: ResidualView) -> Iterator[Candidate]:
+    """What each axis felt at the visits before, and how far they were, the later the more."""
+    a, previous = resting_stimulus(view.scene, view.active), view.scene.visits.previous
+    came = steps_of(view, a)
+    felt = [diagonal(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
+    yield from kernels_at(view, "order", np.concatenate(felt, axis=2), "unit", "common")
+    length = np.linalg.norm(came, axis=1)[:, None]
+    yield from kernels_at(view, "order", each_axis(remembered(length, view, MOVE_KEPT)), "unit", "common")
+
+
+def _motor_before(view: ResidualView) -> Iterator[Candidate]:
+    """What the motors did at the visit before, and at all before that."""
+    motor, previous = view.scene.motor, view.scene.visits.previous
+    if motor is None or not np.ptp(motor):
+        return
+    before = np.where(previous >= 0, motor[previous] - motor.mean(), 0.0)[:, None]
+    functions = np.concatenate([remembered(before, view, kept) for kept in MOTOR_KEPT], axis=1)
+    yield from kernels_at(view, "motor", each_axis(functions), "unit", "common")
+
+
+def remembered(values: Floats, view: ResidualView, kept: float) -> Floats:
+    """Values (v, f) with what a share `kept` of each visit leaves to the next of its run."""
+    found = values.copy()
+    for i, before in enumerate(view.scene.visits.previous):
+        if before >= 0:
+            found[i] += kept * found[before]
+    return found
