@@ -183,9 +183,10 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
         yield kernel("position", "position", view, StopColumns.of(visits.seat_R.transpose(0, 2, 1)))
     nest, nests = view.scene.group("nest")
     both = np.unique(np.stack([visits.unit.code, nest]), axis=1).shape[1]
-    if view.scene.recipe.pose_known and len(nests) > 1 and not both == len(nests) == view.grid.units:
-        turn = StopColumns.of(view.signature(NestTilt.example(), "common")[0])
-        yield grouped_kernel("position", "nest-position", *packed_codes(nest * places + visits.position.code), turn)
+    if len(nests) > 1 and not both == len(nests) == view.grid.units:
+        code, names = packed_codes(nest * places + visits.position.code)
+        for turn in _turns_of_nests(view):
+            yield grouped_kernel("position", "nest-position", code, names, StopColumns.of(turn))
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
         yield grouped_kernel("position", "unit-position", *packed_codes(code), _ones(view))
@@ -260,19 +261,34 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
         return
     a = resting_stimulus(view.scene, view.active)
     others = np.concatenate([diagonal(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
-    turn = [view.signature(NestTilt.example(), "common")[0]] if view.scene.recipe.pose_known else []
-    for columns in (_ones(view), *(StopColumns.of(x) for x in (diagonal(a), others, *turn))):
+    for columns in (_ones(view), *(StopColumns.of(x) for x in (diagonal(a), others, *_turns_of_nests(view)))):
         yield kernel("unit", "run", view, columns)
 
 
 def _group(view: ResidualView) -> Iterator[Candidate]:
-    """Another offset, and another matrix, for each station, nest, lot and operator."""
+    """Another offset, and another matrix, for each station, nest, lot and operator; where a gold is the truth, which may stand
+    elsewhere, another turn of each nest."""
     a = resting_stimulus(view.scene, view.active)
     matrix = StopColumns.of(np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
             yield kernel("group", of, view, _ones(view))
             yield kernel("group", of, view, matrix)
+            if of == "nest" and view.scene.is_recorded("gold"):
+                yield from (kernel("group", of, view, StopColumns.of(turn)) for turn in _turns_of_nests(view))
+
+
+def _turns_of_nests(view: ResidualView) -> Iterator[Floats]:
+    """What small turns of the nests do to the readings (v, 3, 3), where they do anything; of a gold's truth, which the
+    simulation has in the same nest, by the turn of what it reads."""
+    if not view.scene.recipe.pose_known:
+        return
+    turn = view.signature(NestTilt.example(), "common")[0]
+    if view.scene.is_recorded("gold") and not view.scene.recipe.converts:
+        a, seats = resting_stimulus(view.scene, view.active), view.scene.visits.seat_R
+        turn = np.cross(a[:, None, :], seats).transpose(0, 2, 1)
+    if np.any(turn):
+        yield turn
 
 
 def _motor(view: ResidualView) -> Iterator[Candidate]:
