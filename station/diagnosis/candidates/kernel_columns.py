@@ -47,7 +47,7 @@ def each_axis(functions: Array) -> Floats:
     return np.asarray(np.einsum("ij,vf->vifj", np.eye(3), functions).reshape(len(functions), 3, -1), float)
 
 
-def diagonal(values: Floats) -> Floats:
+def own_axis(values: Floats) -> Floats:
     """Values (v, 3) of each axis on that axis alone: columns (v, 3, 3)."""
     return np.asarray(np.eye(3) * values[:, None, :])
 
@@ -58,7 +58,7 @@ def packed_codes(code: Array) -> tuple[NDArray[np.int32], tuple[str, ...]]:
     return packed.astype(np.int32), tuple(f"group:{n}" for n in names)
 
 
-def steps_of(view: ResidualView, a: Floats) -> Floats:
+def steps_before(view: ResidualView, a: Floats) -> Floats:
     """By how much what each axis feels (v, 3) was another at the stop before."""
     previous = view.scene.visits.previous
     return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.kernel_columns import (
-    diagonal,
     each_axis,
     grouped_kernel,
     kernel,
     kernels_at,
     levels_that_differ,
+    own_axis,
     packed_codes,
     scaled,
-    steps_of,
+    steps_before,
 )
 from station.diagnosis.candidates.motion_kernels import motion_kernels
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
@@ -160,15 +160,16 @@ def _order(view: ResidualView) -> Iterator[Candidate]:
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = resting_stimulus(view.scene, view.active)
-    step = each_axis(steps_of(view, a))
+    step = each_axis(steps_before(view, a))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
-    earlier = diagonal(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
-    turned = StopColumns.of(diagonal(a) * turn)
-    length = each_axis(np.linalg.norm(steps_of(view, a), axis=1)[:, None])
-    alone = [StopColumns.of(columns) for columns in (turn, step, length, earlier)]
+    earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
+    turned = StopColumns.of(own_axis(a) * turn)
+    pulled = StopColumns.of(each_axis(np.einsum("vi,vj->vij", steps_before(view, a), a).reshape(len(a), 9)))
+    length = np.linalg.norm(steps_before(view, a), axis=1)[:, None]
+    alone = [StopColumns.of(x) for x in (turn, step, each_axis(length), each_axis(length**2), earlier)]
     for of in levels_that_differ(view, "unit", "common"):
         yield from (kernel("order", of, view, columns) for columns in alone)
-        yield kernel("order*input", of, view, turned)
+        yield from (kernel("order*input", of, view, columns) for columns in (turned, pulled))
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
     yield grouped_kernel("order", "previous", before.astype(np.int32), names, _ones(view))
@@ -182,9 +183,9 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
     if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
         yield kernel("position", "position", view, StopColumns.of(visits.seat_R.transpose(0, 2, 1)))
     nest, nests = view.scene.group("nest")
-    both = np.unique(np.stack([visits.unit.code, nest]), axis=1).shape[1]
-    if len(nests) > 1 and not both == len(nests) == view.grid.units:
-        code, names = packed_codes(nest * places + visits.position.code)
+    code, names = packed_codes(nest * places + visits.position.code)
+    # Where a nest has met a position once, a visit that is wrong is the same.
+    if len(nests) > 1 and np.bincount(code).min() > 1:
         for turn in _turns_of_nests(view):
             yield grouped_kernel("position", "nest-position", code, names, StopColumns.of(turn))
     if view.grid.units > 1:
@@ -219,7 +220,7 @@ def _input(view: ResidualView) -> Iterator[Candidate]:
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
     products = each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
-    waves = [np.concatenate([diagonal(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2) for m in INPUT_WAVES]
+    waves = [np.concatenate([own_axis(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2) for m in INPUT_WAVES]
     squares, triple = products[:, :, _of_degree(powers, 2)], each_axis(np.prod(a, axis=1)[:, None])
     for columns in (products, squares, triple, _products_of_axes(a)[0], *waves):
         yield from kernels_at(view, "input", columns, "unit", "common")
@@ -238,7 +239,7 @@ def _phase(view: ResidualView) -> Iterator[Candidate]:
     blocks = np.arange(r.count.shape[1])
     pulse = (blocks[:, None] == blocks[:-1]).astype(float)
     a = resting_stimulus(view.scene, view.active)
-    step = steps_of(view, a)
+    step = steps_before(view, a)
     slow = (np.repeat(x, 3, axis=1) for x in _slow_courses(view))
     for size in (np.ones_like(a), step, a, *slow):
         rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
@@ -260,14 +261,14 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
     if len(view.scene.group("run")[1]) == view.grid.units:
         return
     a = resting_stimulus(view.scene, view.active)
-    others = np.concatenate([diagonal(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
-    for columns in (_ones(view), *(StopColumns.of(x) for x in (diagonal(a), others, *_turns_of_nests(view)))):
+    others = np.concatenate([own_axis(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
+    for columns in (_ones(view), *(StopColumns.of(x) for x in (own_axis(a), others, *_turns_of_nests(view)))):
         yield kernel("unit", "run", view, columns)
 
 
 def _group(view: ResidualView) -> Iterator[Candidate]:
-    """Another offset, and another matrix, for each station, nest, lot and operator; where a gold is the truth, which may stand
-    elsewhere, another turn of each nest."""
+    """Another offset and another matrix for each station, nest, lot and operator; where a gold is the truth, which may
+    stand elsewhere, another turn of each nest."""
     a = resting_stimulus(view.scene, view.active)
     matrix = StopColumns.of(np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
@@ -340,14 +341,14 @@ def _products_of_axes(a: Floats) -> tuple[Floats, Floats]:
     """On each axis the product of the two others (v, 3, 3), and its own with each of them (v, 3, 6)."""
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
-    return diagonal(one * two), np.concatenate([diagonal(a * one), diagonal(a * two)], axis=2)
+    return own_axis(one * two), np.concatenate([own_axis(a * one), own_axis(a * two)], axis=2)
 
 
 def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
     """A gain that swings in time, with any phase."""
     a = resting_stimulus(view.scene, view.active)
     for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
-        columns = StopColumns.of(np.concatenate([diagonal(a * wave) for wave in swing], axis=2))
+        columns = StopColumns.of(np.concatenate([own_axis(a * wave) for wave in swing], axis=2))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time*input", of, view, columns)
 
@@ -358,7 +359,7 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
     scene = view.scene
     a = resting_stimulus(scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    step = steps_of(view, a)
+    step = steps_before(view, a)
     plain: dict[str, Floats | None] = {"time": scene.time_s, "motor": scene.motor}
     T = scene.temperature_degC
     plain["temperature"] = None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.kernel_columns import diagonal, each_axis, kernels_at, steps_of
+from station.diagnosis.candidates.kernel_columns import each_axis, kernels_at, own_axis, steps_before
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core import rotation
 from station.domain.core.types import Floats
@@ -67,8 +67,8 @@ def _wound_up(turn: Floats, view: ResidualView) -> Floats:
 def _memories(view: ResidualView) -> Iterator[Candidate]:
     """What each axis felt at the visits before, and how far they were, the later the more."""
     a, previous = resting_stimulus(view.scene, view.active), view.scene.visits.previous
-    came = steps_of(view, a)
-    felt = [diagonal(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
+    came = steps_before(view, a)
+    felt = [own_axis(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
     yield from kernels_at(view, "order", np.concatenate(felt, axis=2), "unit", "common")
     length = np.linalg.norm(came, axis=1)[:, None]
     yield from kernels_at(view, "order", each_axis(remembered(length, view, MOVE_KEPT)), "unit", "common")

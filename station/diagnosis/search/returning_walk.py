@@ -13,6 +13,8 @@ from station.diagnosis.linear.noise_floor import FloorStructure, NoiseFloor
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
+#: Visits of the longest run that is whitened in one piece, a matrix of a megabyte.
+MOST_WHITENED = 120
 #: Shares of what one visit has come to that the next one keeps.
 KEPT = (0.3, 0.6, 0.8)
 #: Sizes of a visit's own step that are tried, in noises of a visit.
@@ -22,11 +24,20 @@ STEPS = (0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.5, 10.0)
 def nats_ahead(problem: ScoringProblem) -> float:
     """By how many nats what returns follows the readings better than the walk of the floor, less what it costs to
     choose how fast; −∞ where runs are too long to be whitened whole."""
-    structure, walk = problem.structure, problem.fit()
-    if structure.inside.shape[1] > 1:
+    structure, walk = _in_one_piece(problem.structure), problem.fit()
+    if structure.walk.shape[2] > MOST_WHITENED:
         return -np.inf
     best = max(_profile(problem, _returning(structure, kept), walk.floor) for kept in KEPT)
     return best - walk.space.profile - float(np.log(len(KEPT)))
+
+
+def _in_one_piece(structure: FloorStructure) -> FloorStructure:
+    """The structure with each run in one block, its inside left as it was."""
+    C, B, v, k = structure.walk.shape[:4]
+    turn, walk = (x.reshape(C, 1, B * v, k, 3) for x in (structure.turn, structure.walk))
+    step = structure.step.reshape(C, 1, B * v)
+    white = structure.white.reshape(C, 1, B * v * k)
+    return replace(structure, white=white, turn=turn, walk=walk, step=step, taken=step.cumsum(2))
 
 
 def _profile(problem: ScoringProblem, structure: FloorStructure, floor: NoiseFloor) -> float:
@@ -44,4 +55,5 @@ def _returning(structure: FloorStructure, kept: float) -> FloorStructure:
     both: Floats = kept**apart * (1 - kept ** (2 * first)) / (1 - kept**2)
     walk = structure.walk
     inside = both[..., :, None, :, None] * np.einsum("cbvia,cbwja->cbviwj", walk, walk, optimize=True)
-    return replace(structure, inside=inside.reshape(structure.inside.shape))
+    numbers = structure.white.shape[2]
+    return replace(structure, inside=inside.reshape(len(walk), 1, numbers, numbers))

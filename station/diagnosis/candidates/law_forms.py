@@ -1,0 +1,215 @@
+"""The forms of laws: functions of time, temperature, drive, input and order that no cause of the library follows."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain, combinations, product
+
+import numpy as np
+
+from station.diagnosis.candidates.motion_kernels import remembered
+from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
+from station.diagnosis.data.residuals import ResidualView
+from station.domain.core.types import Array, Floats
+from station.model.forward import resting_stimulus
+
+#: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
+SWITCHES, BENDS, PERIODS = (
+    tuple(share / 20 for share in range(2, 19)),
+    (0.3, 0.5, 0.7, 0.85),
+    (0.2, 0.3, 0.45, 0.65, 0.9),
+)
+#: Levels of the motors between which something may switch, at most.
+MAX_LEVELS = 24
+#: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
+KNEES = (0.2, 0.35, 0.5, 0.7)
+#: Half waves from no input to the whole, in steps that none falls between.
+HALF_WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
+#: A step from the stop before that is taken up by play, as a share of the stimulus.
+PLAY = 0.3
+#: Shares of what one visit left that the next one keeps; the chord of a long move, as a share of the stimulus.
+KEPT, LONG_MOVE = (0.4, 0.7), 1.5
+#: Lags behind the temperature, as shares of a run's duration, and plays in it, as shares of a run's range.
+LAGS, THERMAL_PLAYS = (0.1, 0.3, 1.0), (0.2, 0.5)
+#: The branch on which each run begins: fallen, in the middle, risen.
+BRANCHES = (-1.0, 0.0, 1.0)
+
+#: Covariates, joined by *, and the columns (v, 3) of a law; two columns an axis where it has two phases.
+Law = tuple[str, tuple[Floats, ...]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """Functions (v) of one covariate. plain: a straight line; bent and switched: at one place each; waves: cosine and
+    sine of one period each; fading: what is nought at the end, in place of the beginning."""
+
+    plain: Floats
+    bent: tuple[Floats, ...]
+    switched: tuple[Floats, ...]
+    waves: tuple[tuple[Floats, Floats], ...] = ()
+    fading: tuple[Floats, ...] = ()
+
+
+def laws_of_view(view: ResidualView) -> Iterator[Law]:
+    """Every law of what these data have recorded."""
+    a, step, curves = _stimulus(view), steps_of_stimulus(view), dict(curves_by_covariate(view))
+    yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
+    yield from chain(_memories(view), _visits_before(view, a, step))
+    yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
+
+
+def _stimulus(view: ResidualView) -> Floats:
+    """What each axis feels at each stop (v, 3), as a share of the most."""
+    a = resting_stimulus(view.scene, view.active)
+    return np.asarray(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300))
+
+
+def steps_of_stimulus(view: ResidualView) -> Floats:
+    """By how much it was another at the stop before (v, 3)."""
+    a, previous = _stimulus(view), view.scene.visits.previous
+    return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
+
+
+def curves_by_covariate(view: ResidualView) -> Iterator[tuple[str, Curves]]:
+    """The curves of each covariate that varies."""
+    scene = view.scene
+    T, motor = scene.temperature_degC, scene.motor
+    if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
+        yield "temperature", _curves_of(T, centred_values(T))
+    if np.ptp(scene.time_s) > 0:
+        left = _from_zero(scene.time_s.max() - scene.time_s)
+        yield "time", replace(_curves_of(scene.time_s, _from_zero(scene.time_s)), fading=(left, left**2))
+    if motor is not None and np.ptp(motor) > 0:
+        between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
+        chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
+        bent = (np.sqrt(np.abs(motor)), motor, motor**3)
+        yield "motor", Curves(_from_zero(motor), bent, tuple(centred_values(motor > level) for level in chosen))
+
+
+def _curves_of(x: Floats, plain: Floats) -> Curves:
+    phase = 2 * np.pi * (x - x.min()) / np.ptp(x)
+    return Curves(
+        plain,
+        tuple(np.maximum(sign * (x - np.quantile(x, q)), 0.0) for q in BENDS for sign in (1, -1)),
+        tuple(centred_values(x > np.quantile(x, q)) for q in SWITCHES),
+        tuple((np.cos(phase / p), np.sin(phase / p)) for p in PERIODS),
+    )
+
+
+def centred_values(values: Array) -> Floats:
+    """Values about their mean, of standard deviation 1."""
+    x = np.asarray(values, float)
+    return np.asarray((x - np.mean(x)) / max(float(np.std(x)), 1e-300))
+
+
+def _from_zero(x: Floats) -> Floats:
+    """Values of a mean square of 1 that keep their zero: what grows with the time or the drive is nought without it."""
+    return np.asarray(x / max(float(np.sqrt(np.mean(x**2))), 1e-300), float)
+
+
+def on_every_axis(x: Floats) -> Floats:
+    """A function (v) on every axis alike (v, 3)."""
+    return np.repeat(x[:, None], 3, axis=1)
+
+
+def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
+    """An offset that bends, switches or swings, or follows a product."""
+    for name, of in curves.items():
+        # What switches in time is a cause of the library.
+        yield from ((name, (on_every_axis(x),)) for x in (*of.bent, *(of.switched if name != "time" else ())))
+        yield from ((name, (on_every_axis(of.plain), on_every_axis(x))) for x in of.bent[::2])
+        yield from ((name, (on_every_axis(x), on_every_axis(y))) for x, y in of.waves)
+    for (one, x), (two, y) in combinations(curves.items(), 2):
+        yield f"{one}*{two}", (on_every_axis(x.plain * y.plain),)
+
+
+def _memories(view: ResidualView) -> Iterator[Law]:
+    """An offset on another branch while the temperature rises, alone or beside a straight line, or one that lags; what
+    follows whether, or how fast, the temperature changes, in another way than in proportion."""
+    rate = view.scene.temperature_rate
+    if rate is not None and np.ptp(rate) > 0:
+        yield from (
+            ("temperature", (on_every_axis(centred_values(form)),)) for form in (np.sign(rate), np.abs(rate), rate**2)
+        )
+    memory = TemperatureMemory.of(view.scene)
+    if memory is None:
+        return
+    plain = on_every_axis(centred_values(memory.temperature_degC))
+    for play, start in product(THERMAL_PLAYS, BRANCHES):
+        branch = on_every_axis(memory.branch(play, start))
+        yield "temperature", (branch,)
+        yield "temperature", (plain, branch)
+    for lag in LAGS:
+        behind = memory.temperature_degC - memory.lagged(lag)
+        yield "temperature", (plain, on_every_axis(behind / memory.range_degC))
+
+
+def _visits_before(view: ResidualView, a: Floats, step: Floats) -> Iterator[Law]:
+    """What the visits before have left, the later the more: of long moves, of all moves, of what was felt."""
+    length = np.linalg.norm(step, axis=1)
+    for kept in KEPT:
+        for left in ((length > LONG_MOVE).astype(float), length):
+            yield "order", (on_every_axis(remembered(left[:, None], view, kept)[:, 0]),)
+        yield "order", (remembered(a + step, view, kept),)
+
+
+def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
+    """A gain that does; a gain straight with temperature is a cause of the library."""
+    for name, of in curves.items():
+        plain = () if name == "temperature" else (of.plain,)
+        yield from ((f"{name}*input", (on_every_axis(x) * a,)) for x in (*plain, *of.bent, *of.switched))
+        yield from ((f"{name}*input", (on_every_axis(x) * a, on_every_axis(y) * a)) for x, y in of.waves)
+    for (one, x), (two, y) in combinations(curves.items(), 2):
+        yield f"{one}*{two}*input", (on_every_axis(x.plain * y.plain) * a,)
+
+
+def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator[Law]:
+    """What bends the input, or follows the stop before, and changes with a covariate."""
+    for name, of in curves.items():
+        x = on_every_axis(of.plain)
+        yield from ((f"{name}*input", (x * form,)) for form in (a**2, np.abs(a), a**3))
+        yield from ((f"{name}*order", (x * form,)) for form in (step, np.abs(a) * step))
+        yield from ((f"{name}*order", (on_every_axis(x) * step,)) for x in of.fading)
+
+
+def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
+    """What one axis takes of the next two, where it changes with a covariate."""
+    for name, of in curves.items():
+        for x in (of.plain, of.switched[len(of.switched) // 2]):
+            yield f"{name}*input", (on_every_axis(x) * np.roll(a, 1, axis=1), on_every_axis(x) * np.roll(a, 2, axis=1))
+
+
+def _products_of_axes(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
+    """What one axis takes of the size or the product of others, or of itself and another one, where it changes with a
+    covariate."""
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
+    for name, of in curves.items():
+        x = on_every_axis(of.plain)
+        forms = (a * one, a * two), (one * two,), (np.abs(one), np.abs(two))
+        yield from ((f"{name}*input", tuple(x * form for form in some)) for some in forms)
+
+
+def _forms_of_input(a: Floats) -> Iterator[Law]:
+    """What is neither a square, a cube nor a size of the input."""
+    size = np.abs(a)
+    for knee in KNEES:
+        yield "input", (np.sign(a) * np.minimum(size, knee),)
+        yield "input", (np.maximum(size - knee, 0.0),)
+        yield from (("input", (np.maximum(sign * a - knee, 0.0),)) for sign in (1, -1))
+    yield from (("input", (np.sin(m * np.pi * a),)) for m in HALF_WAVES)
+    yield from (("input", (np.cos(m * np.pi * a),)) for m in HALF_WAVES)
+    yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
+    yield from (("input", (form(one), form(two))) for form in (np.abs, np.square))
+    yield from (("input", (a * form(one), a * form(two))) for form in (np.abs, np.square))
+
+
+def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
+    """What follows the step from the stop before in another way than in proportion."""
+    size, way = np.abs(step), np.sign(step) * (np.abs(step) > 1e-6)
+    yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
+    yield from (
+        ("order", (form,)) for form in (way, way * np.minimum(size, PLAY), way * np.sqrt(size), step * size, size)
+    )
+    yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
+    move = on_every_axis(np.linalg.norm(step, axis=1))
+    yield from (("order", (form,)) for form in (move, step * move, way * move))
