@@ -142,6 +142,35 @@ def _dwell_with_temperature(w: World, rng: Scaled) -> Array:
     return (w.T - w.T.mean()) * np.exp(-w.away / 0.3)
 
 
+def _square_that_comes_on(w: World, rng: Scaled) -> Array:
+    return w.a**2 * (1 - np.exp(-w.away / 0.3))[:, None]
+
+
+def _drive_before(w: World, rng: Scaled) -> Array:
+    first = np.flatnonzero(np.diff(w.stop, prepend=-1))
+    before = np.r_[0.0, w.motor[first][:-1]]
+    return np.where(w.visit[first] > 0, before - w.motor.mean(), 0.0)[w.stop]
+
+
+def _long_moves_remembered(w: World, rng: Scaled) -> Array:
+    first, left = np.flatnonzero(np.diff(w.stop, prepend=-1)), 0.0
+    come_to = np.zeros(len(first))
+    for i, (at, long) in enumerate(zip(first, _move(w)[first] > 1.6, strict=True)):
+        left = 0.65 * left * (w.visit[at] > 0) + long
+        come_to[i] = left
+    return come_to[w.stop]
+
+
+def _day_and_night(w: World, rng: Scaled) -> Array:
+    return np.sin(2 * np.pi * 1.3 * _share(w.started + w.t) + 0.7)
+
+
+def _seated_anew(w: World, rng: Any) -> tuple[Array, Array]:
+    """Each run of each unit begins with another angle in the nest."""
+    turn = rng.amplitude(3e-4, (int(w.unit.max()) + 1, int(w.run.max()) + 1, 3))
+    return w.feel(nest=turn[w.unit, w.run]), np.zeros_like(w.a)
+
+
 def _move(w: World) -> Array:
     return np.linalg.norm(w.before - w.a, axis=1)
 
@@ -177,5 +206,10 @@ OUTSIDE: dict[str, tuple[set[str], Hidden]] = {
     "course of the dwell by temperature": ({"dwell-phase"}, per_unit(3e-5, _dwell_with_temperature)),
     "hysteresis by the length of the move": ({"order"}, per_unit(3e-4, _by_the_length_of_the_move)),
     "nest that gives with the move": ({"order", "group"}, _each_nest_by(_move)),
+    "square that comes on in the dwell": ({"dwell-phase", "input"}, per_unit(3e-4, _square_that_comes_on)),
+    "drive at the visit before": ({"motor", "order"}, per_unit(3e-4, _drive_before)),
+    "long moves that are remembered": ({"order", "time"}, per_unit(3e-4, _long_moves_remembered)),
+    "day and night": ({"time", "unit"}, per_unit(3e-4, _day_and_night)),
+    "seated anew": ({"unit", "input"}, _seated_anew),
     "vibration by temperature": ({"motor", "temperature"}, per_unit(3e-4, _vibration_by_temperature)),
 }

@@ -14,6 +14,7 @@ from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
+from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import Hidden, World, hide
 from tests.blind.hidden import KNOWN
@@ -23,10 +24,20 @@ from tests.blind.recipes import recipe
 SEED = int(os.environ.get("SEED", "1"))
 
 
-def problem_of(hidden: Hidden, seed: int, units: int = 1, d: float | None = None) -> ScoringProblem:
-    """The tilts, once."""
-    table, _ = hide(recipe(1), hidden, seed, units=units, d=d)
-    return initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+def problem_of(
+    hidden: Hidden, seed: int, units: int = 1, d: float | None = None, kind: Recipe | None = None
+) -> ScoringProblem:
+    """The tilts, once, or a recipe of that kind."""
+    kind = kind or recipe(1)
+    table, _ = hide(kind, hidden, seed, units=units, d=d)
+    return initial_problem(reduce_samples(kind, table), FloorAllowance.of(kind, Model()))
+
+
+def tilts_gone_through_twice() -> Recipe:
+    """A run of 48 visits."""
+    once = recipe(1)
+    again = tuple(p.model_copy(update={"name": f"{p.name}-again"}) for p in once.positions)
+    return once.model_copy(update={"positions": (*once.positions, *again)})
 
 
 def wandering(kept: float, step_g: float) -> Hidden:
@@ -41,9 +52,10 @@ def wandering(kept: float, step_g: float) -> Hidden:
     return hidden
 
 
+@pytest.mark.parametrize("kind", [recipe(1), tilts_gone_through_twice()], ids=["24", "48"])
 @pytest.mark.parametrize(("kept", "returns"), [(0.6, True), (1.0, False)])
-def test_what_returns_from_visit_to_visit_is_told_from_a_walk(kept: float, returns: bool) -> None:
-    problem = problem_of(wandering(kept, 5e-4), 20 + SEED, units=6)
+def test_what_returns_from_visit_to_visit_is_told_from_a_walk(kind: Recipe, kept: float, returns: bool) -> None:
+    problem = problem_of(wandering(kept, 5e-4), 20 + SEED, units=6, kind=kind)
     assert (nats_ahead(with_free_variance(problem, "bias-walk")) > 2.0) == returns
 
 

@@ -120,6 +120,12 @@ def _day_and_night(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray(np.sin(2 * np.pi * 1.4 * clock / np.ptp(clock) + 1.0)[:, None] * rng.standard_normal(3))
 
 
+def _stairs_of_a_compensation(view: ResidualView, rng: np.random.Generator) -> Floats:
+    T = view.scene.temperature_degC
+    assert T is not None
+    return np.asarray((3.3 * (T - T.min()) / np.ptp(T) % 1.0)[:, None] * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
@@ -131,6 +137,7 @@ def _day_and_night(view: ResidualView, rng: np.random.Generator) -> Floats:
         (_fast_wave, "time", 36, 0.5),
         (_ripple, "time/ripple", 36, 0.5),
         (_day_and_night, "time", 18, 0.05),
+        (_stairs_of_a_compensation, "temperature/ripple", 6, 0.5),
         (_by_the_way_of_the_move, "order", 9, 0.3),
         (_what_was_felt_before, "order", 6, 1e-9),
         (_motor_before, "motor", 6, 1e-9),
@@ -166,15 +173,33 @@ def _square_of_the_rate(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray(rate[:, None] ** 2 * rng.standard_normal(3))
 
 
+def _sizes_of_the_others(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = np.abs(resting_stimulus(view.scene))
+    return np.asarray((np.roll(a, 1, axis=1) - 0.4 * np.roll(a, 2, axis=1)) * rng.standard_normal(3))
+
+
+def _root_of_the_step(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a, previous = resting_stimulus(view.scene), view.scene.visits.previous
+    step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
+    step[np.abs(step) < 1e-9] = 0.0
+    return np.asarray(np.sign(step) * np.sqrt(np.abs(step)) * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
-    ("law", "words"), [(_nest_that_warms, "temperature*input"), (_square_of_the_rate, "temperature")]
+    ("law", "words", "numbers"),
+    [
+        (_nest_that_warms, "temperature*input", 3),
+        (_square_of_the_rate, "temperature", 3),
+        (_root_of_the_step, "order", 3),
+        (_sizes_of_the_others, "input", 6),
+    ],
 )
 def test_a_law_that_a_cause_resembles_is_tried_in_its_place(
-    law: Law, words: str, view: ResidualView, rng: np.random.Generator
+    law: Law, words: str, numbers: int, view: ResidualView, rng: np.random.Generator
 ) -> None:
     readings = law(view, rng)
     named = (c for c in rival_laws(view) if c.name.startswith(f"law:{words}/"))
-    assert min(_left(readings, _columns(c), view) for c in named if c.stop.shape[2] <= 3) < 1e-3
+    assert min(_left(readings, _columns(c), view) for c in named if c.stop.shape[2] <= numbers) < 1e-3
 
 
 def _columns(candidate: Any) -> Floats:

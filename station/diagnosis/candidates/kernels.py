@@ -48,7 +48,12 @@ _ACTS_BY = {
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input", "position")
 #: All kernels.
-KERNEL_NAMES = (*COVARIATES, *("*".join(pair) for pair in combinations(FACTORS, 2)), "time/ripple")
+KERNEL_NAMES = (
+    *COVARIATES,
+    *("*".join(pair) for pair in combinations(FACTORS, 2)),
+    "time/ripple",
+    "temperature/ripple",
+)
 #: The kernel of what changes within the dwells.
 MOVING_KERNEL = "dwell-phase"
 #: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
@@ -194,7 +199,7 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _temperature(view: ResidualView) -> Iterator[Candidate]:
-    """Curves of temperature."""
+    """Curves and waves of temperature, as stairs of a compensation leave, and what remembers it."""
     T = view.scene.temperature_degC
     if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE:
         return
@@ -203,6 +208,11 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
         columns = StopColumns.of(each_axis(legendre.legvander(scaled(T), degree)[:, 1:]))
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel("temperature", of, view, columns)
+    for cycles in SWINGS[1:]:
+        wave = np.pi * cycles * scaled(T)
+        yield from kernels_at(
+            view, "temperature/ripple", each_axis(np.stack([np.cos(wave), np.sin(wave)], axis=1)), "unit", "common"
+        )
     memory = TemperatureMemory.of(view.scene)
     if memory is not None:
         # What lags behind it, or is on another branch while it rises.

@@ -53,7 +53,7 @@ def laws_of_view(view: ResidualView) -> Iterator[Law]:
     """Every law of what these data have recorded."""
     a, step, curves = _stimulus(view), steps_of_stimulus(view), dict(curves_by_covariate(view))
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
-    yield from chain(_memories(view), _visits_before(view, a, step))
+    yield from chain(_memories(view), _campaign(view), _visits_before(view, a, step))
     yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
 
 
@@ -141,6 +141,15 @@ def _memories(view: ResidualView) -> Iterator[Law]:
     for lag in LAGS:
         behind = memory.temperature_degC - memory.lagged(lag)
         yield "temperature", (plain, on_every_axis(behind / memory.range_degC))
+
+
+def _campaign(view: ResidualView) -> Iterator[Law]:
+    """An offset that swings by the clock of the campaign, on through all runs."""
+    started = view.scene.started_s
+    if started is not None and len(view.scene.group("run")[1]) > view.grid.units:
+        clock = started + view.scene.time_s
+        waves = _curves_of(clock, _from_zero(clock)).waves
+        yield from (("time", (on_every_axis(x), on_every_axis(y))) for x, y in waves)
 
 
 def _visits_before(view: ResidualView, a: Floats, step: Floats) -> Iterator[Law]:

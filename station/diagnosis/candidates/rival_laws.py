@@ -145,20 +145,6 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
             yield _law_of(cause, both, StopColumns.of(also))
             yield _law_of(cause, both, StopColumns.of(np.concatenate([stop, also], axis=2)))
         yield from _of_groups(cause, cause.effect, view)
-        yield from _within_dwells(cause, word, view)
-
-
-def _within_dwells(cause: Candidate, word: str, view: ResidualView) -> Iterator[Candidate]:
-    """A cause that comes on within each dwell, from block to block, and had none or a part of its size at first."""
-    count = view.reduced.count
-    blocks = count.shape[1]
-    if blocks < 2 or not np.any(count[:, 1:]):
-        return
-    for begun in DWELL_BEGUN:
-        course = 1.0 - (1.0 - begun) * np.linspace(1.0, 0.0, blocks) ** 2
-        rows = cause.stop[:, None] * course[:, None, None]
-        columns = StopColumns.of(*mean_and_contrasts(rows, count))
-        yield _law_of(cause, f"dwell-phase*{word}", columns)
 
 
 def _of_each(law: Candidate, view: ResidualView) -> Iterator[Candidate]:
@@ -183,6 +169,21 @@ def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator
             if cause.of == "position":
                 code, names = packed_codes(code * len(cause.names) + cause.code)
             yield replace(law, name=f"{law.name}/{of}", of=of, pattern="shared", code=code, names=names)
+
+
+def laws_within_dwells(cause: Candidate, view: ResidualView) -> list[Candidate]:
+    """A cause that stands still in each dwell as it is in the blocks, first of all, and what comes on from block to
+    block and had none or a part of its size at first; none where nothing could show it."""
+    count = view.reduced.count
+    if cause.moving or cause.effect is None or cause.pattern == "scan" or not np.any(count[:, 1:]):
+        return []
+    late = np.linspace(1.0, 0.0, count.shape[1]) ** 2
+    word, found = f"dwell-phase*{acts_by(cause.effect)}", list[Candidate]()
+    for begun in (1.0, *DWELL_BEGUN):
+        rows = cause.stop[:, None] * (1.0 - (1.0 - begun) * late)[:, None, None]
+        law = _law_of(cause, word, StopColumns.of(*mean_and_contrasts(rows, count)))
+        found.append(replace(law, name=f"{law.name}/{begun:g}"))
+    return found
 
 
 def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list[int], list[Candidate]]]:

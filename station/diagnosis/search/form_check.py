@@ -22,7 +22,7 @@ from station.diagnosis.candidates.bank import (
     is_testable,
 )
 from station.diagnosis.candidates.columns import StopColumns
-from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, rival_laws
+from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, laws_within_dwells, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding
@@ -79,9 +79,18 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaw
     ranks = _ranked(bare, forms, laws, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
     found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
-    found = max((found, *_fading(problem, i, floor)), key=lambda laws: laws.lead)
+    coming = _coming_on(problem.accepted[i].candidate, bare, floor)
+    found = max((found, *_fading(problem, i, floor), *coming), key=lambda laws: laws.lead)
     in_order = _follows_order(problem.accepted[i].candidate, bare.view)
     return replace(found, lead=max(found.lead, 0.0)) if in_order else found
+
+
+def _coming_on(cause: Candidate, bare: ScoringProblem, floor: NoiseFloor) -> Iterator[RivalLaws]:
+    """What comes on within the dwells in place of a cause that stands still in them, both as the blocks show them."""
+    found = laws_within_dwells(candidate_in_view(cause, bare.view), bare.view)
+    ranks = _ranked(bare, found[:1], found[1:], floor) if found else {}
+    if found and found[0].name in ranks:
+        yield _rivals(ranks, ranks.pop(found[0].name).evidence + float(np.log(len(found) - 1)))
 
 
 def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[RivalLaws]:
