@@ -42,6 +42,8 @@ MAX_SWITCHES = 6
 DWELL_BEGUN = (0.0, 0.6)
 #: Visits within which what began at one dies away, and beginnings of one cause that are looked at.
 FADES, MOST_STARTS = (1.5, 4.0, 10.0), 4
+#: Visits after which what came at one is gone at once.
+STAYS = (2.5, 4.5, 8.5)
 #: So many times such a fade, what began has died away.
 REACH = 3.0
 #: What the name of a law begins with; its covariates follow.
@@ -188,7 +190,7 @@ def laws_within_dwells(cause: Candidate, view: ResidualView) -> list[Candidate]:
 
 def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list[int], list[Candidate]]]:
     """Of some visits that are wrong, or jumps that stay: the groups of one run, these alone, first of all, and what
-    begins at one of them and dies away over the visits after it, beside those that it does not reach."""
+    begins at one of them and dies away, or ends, over the visits after it, beside those that it does not reach."""
     one, times = cause.candidate, view.scene.time_s
     stays = has_jump(one.effect)
     if one.pattern != "scan" or not (stays or one.scans_visits):
@@ -205,9 +207,10 @@ def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list
         after, usual = rows & (since >= 0.0), float(np.median(gaps))
         together = [group] if stays else [g for g in hits if runs[first[g]] == runs[first[group]]]
         courses = [tuple(after if stays else one.code == g for g in together)]
-        for fade in FADES:
-            course = after * np.exp(-np.maximum(since, 0.0) / (usual * fade))
-            apart = [g for g in together if g != group and not 0.0 < since[first[g]] < REACH * usual * fade]
+        ends = [(after * np.exp(-np.maximum(since, 0.0) / (usual * fade)), REACH * usual * fade) for fade in FADES]
+        ends += [(after & (since < usual * stay), usual * stay) for stay in STAYS]
+        for course, reach in ends:
+            apart = [g for g in together if g != group and not 0.0 < since[first[g]] < reach]
             courses.append((course, *(one.code == g for g in apart)))
         laws = _at_levels(
             view, (("time", tuple(on_every_axis(np.asarray(x, float)) for x in c)) for c in courses), ("common",)

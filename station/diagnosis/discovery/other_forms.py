@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 import scipy
 
-from station.diagnosis.candidates.rival_laws import BRANCHES, LAGS, THERMAL_PLAYS
+from station.diagnosis.candidates.law_forms import BRANCHES, LAGS, THERMAL_PLAYS
 from station.diagnosis.candidates.temperature_memory import TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, visit_noise
