@@ -1,5 +1,7 @@
 """The next run of ties that a diagnosis may end in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,17 @@ def test_a_slow_run_is_as_much_more_certain_as_it_is_longer() -> None:
     plan = with_one_more(campaign, "one run slow")
     count, run = plan.problem.view.reduced.count.sum(1), plan.problem.view.scene.visits.run
     assert count[run == 1].mean() / count[run == 0].mean() == pytest.approx(10.0, rel=0.02)
+
+
+def test_a_plan_reads_the_thermometer_as_badly_as_it_was_read() -> None:
+    """Its visits are off by .2 °C, ten times as much as any simulated thermometer."""
+    campaign, table = once_measured(units=4)
+    off = 0.2 * np.random.default_rng(3).standard_normal((4, 6))[table.unit.code, table.visit]
+    read = replace(table, values={**table.values, "temperature_degC": table.values["temperature_degC"] + off})
+    scene = with_one_more(replace(campaign, samples=read), "one run motors off").problem.view.scene
+    assert scene.temperature_degC is not None
+    planned = scene.temperature_degC[scene.visits.run == 1].reshape(4, 6)
+    # The room is even: what is left of a line is the thermometer's, 16 numbers, and the estimate from as many bends.
+    at = np.vander(np.arange(6.0), 2)
+    left = planned.T - at @ np.linalg.lstsq(at, planned.T, rcond=None)[0]
+    assert 0.05 < np.sqrt(np.sum(left**2) / 16) < 0.6

@@ -1,10 +1,10 @@
 """What was measured, as a plan of the next run sees it, and how it would go on."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.bench import bench_of
 from station.diagnosis.planning.plan import (
@@ -71,7 +71,7 @@ def _few_samples(d: Diagnosis) -> SampleTable | None:
     """Samples of the first units, a few a second."""
     table = next(iter(d.inspection.samples.portions()))
     table = table[table.unit.code < MAX_PLANNED_UNITS].used()
-    begins = np.flatnonzero(_changes(table.unit.code) | _changes(table.run) | _changes(table.visit))
+    begins = np.flatnonzero(_visit_begins(table))
     visits = np.array([len(plan.names(d.recipe, run)) for run in range(len(d.recipe.runs))])
     passes = len(np.unique(np.stack([table.unit.code[begins], table.run[begins]]), axis=1).T)
     whole = int(table.run.max()) + 1 == len(visits) and passes == len(visits) * len(table.unit.names)
@@ -82,8 +82,10 @@ def _few_samples(d: Diagnosis) -> SampleTable | None:
     return table[within % max(round(1 / max(step_s * PLANNING_RATE_HZ, 1e-9)), 1) == 0]
 
 
-def _changes(values: Array) -> Array:
-    return np.asarray(np.diff(values, prepend=-1) != 0)
+def _visit_begins(table: SampleTable) -> Array:
+    """Whether each row (n) is the first of a visit."""
+    rows = np.stack([table.unit.code, table.run, table.visit])
+    return np.asarray(np.any(np.diff(rows, axis=1, prepend=-1) != 0, axis=0))
 
 
 def _next_of(samples: SampleTable, part: SampleTable) -> SampleTable:
@@ -98,12 +100,22 @@ def _next_of(samples: SampleTable, part: SampleTable) -> SampleTable:
         labels["nest"] = Labels(nest.names, ((nest.code[last][unit] + steps) % len(nest.names)).astype(np.int32))
     if "seating" in labels:
         labels["seating"] = part.labels["seating"]
-    return replace(part, labels=labels, values=_later(samples, part.values))
+    values = dict(part.values)
+    if "started_s" in values and "started_s" in samples.values:
+        end_s = float(np.max(samples.values["started_s"] + samples.time_s)) + AWAY_S
+        values["started_s"] = values["started_s"] - float(np.min(values["started_s"])) + end_s
+    if "temperature_degC" in values and "temperature_degC" in samples.values:
+        visit = np.cumsum(_visit_begins(part)) - 1
+        error = _thermometer_std(samples) * np.random.default_rng(1).standard_normal(int(visit[-1]) + 1)
+        values["temperature_degC"] = values["temperature_degC"] + error[visit]
+    return replace(part, labels=labels, values=values)
 
 
-def _later(samples: SampleTable, values: Mapping[str, Array]) -> dict[str, Array]:
-    """The covariates of runs that start after all samples."""
-    if "started_s" not in values or "started_s" not in samples.values:
-        return dict(values)
-    end_s = float(np.max(samples.values["started_s"] + samples.time_s)) + AWAY_S
-    return {**values, "started_s": values["started_s"] - float(np.min(values["started_s"])) + end_s}
+def _thermometer_std(samples: SampleTable) -> float:
+    """What the thermometer is off by from visit to visit, degC: by the second differences of the visits' means, which a
+    room that warms evenly does not have."""
+    begins = _visit_begins(samples)
+    first, visit = np.flatnonzero(begins), np.cumsum(begins) - 1
+    mean = np.bincount(visit, samples.values["temperature_degC"]) / np.bincount(visit)
+    bend = np.abs(np.diff(mean, 2))[samples.visit[first][2:] >= 2]
+    return float(np.median(bend)) / MAD_PER_SIGMA / float(np.sqrt(6)) if len(bend) else 0.0
