@@ -50,7 +50,7 @@ class Promise:
     @property
     def separates(self) -> tuple[str, ...]:
         """The causes found and those likely to be parted from them; where none is, what is parted at all."""
-        parted = [pair for pair in self._pairs() if self._nearest(*pair) > SEPARATION_95]
+        parted = [pair for pair in self._pairs() if self._chance_of_pair(*pair) > 0.5]
         heads = {tie.names[0] for tie in self.ties}
         named = [pair for pair in parted if set(pair) & heads]
         return tuple(dict.fromkeys(name for pair in named or parted for name in pair))
@@ -58,7 +58,7 @@ class Promise:
     @property
     def leaves(self) -> tuple[str, ...]:
         """Causes that stay tied with another of the same tie."""
-        tied = [pair for pair in self._pairs() if self._nearest(*pair) <= SEPARATION_95]
+        tied = [pair for pair in self._pairs() if self._chance_of_pair(*pair) <= 0.5]
         return tuple(dict.fromkeys(name for pair in tied for name in pair))
 
     @property
@@ -72,9 +72,12 @@ class Promise:
         """Each pair once."""
         return sorted({(min(pair), max(pair)) for pair in self.apart})
 
-    def _nearest(self, one: str, other: str) -> float:
-        """d·√κ of two causes, whichever is the true one."""
-        return min(self.apart[one, other], self.apart[other, one])
+    def _chance_of_pair(self, one: str, other: str) -> float:
+        """Chance that two causes are parted if one of them is the true one."""
+        tie = next(tie for tie in self.ties if one in tie.names and other in tie.names)
+        weights = [max(tie.likely[tie.names.index(name)], 1e-300) for name in (one, other)]
+        chances = [tie.chance_parted(self.apart[pair]) for pair in ((one, other), (other, one))]
+        return sum(w * p for w, p in zip(weights, chances, strict=True)) / sum(weights)
 
     def _chance(self, true: str, tie: TiedCauses) -> float:
         return tie.chance_parted(min((self.apart[true, other] for other in tie.names if other != true), default=inf))
