@@ -18,12 +18,13 @@ FALSE_ACCEPT = 0.0115
 class Bench:
     """Units (n), truths of each stop by rotations drawn here, readings with noise, one table."""
 
+    #: What a thermometer showed at each visit (n, v), where there is one.
+    temperature_degC: Floats | None = None
+
     def __init__(self, of: Recipe, count: int, report: Report, seed: int) -> None:
         self.recipe, self.count, self.report, self.seed = of, count, report, seed
         self.rng = report.generator(seed)
         self.accepted_at_limit = 0.0
-        #: What a thermometer showed at each visit (n, v), where there is one.
-        self.temperature_degC: Floats | None = None
         design = "n18" if of.name == "norm" else of.name
         self.poses = np.array([orientation(up) for up in UPS[design]])
         self.offset = 0.02 * self.rng.standard_normal((count, 3))
