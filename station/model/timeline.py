@@ -40,7 +40,12 @@ def visit_dwells_s(recipe: Recipe) -> Floats:
 def noise_density_of(recipe: Recipe) -> float:
     """White noise of the device, recipe's unit per √Hz."""
     sheet = recipe.device.noise_density
-    return DEFAULT_NOISE_DENSITY * stimulus_strength(recipe) if sheet is None else sheet
+    return usual_noise_density(recipe) if sheet is None else sheet
+
+
+def usual_noise_density(recipe: Recipe) -> float:
+    """Taken where the sheet does not say, recipe's unit per √Hz."""
+    return DEFAULT_NOISE_DENSITY * stimulus_strength(recipe)
 
 
 def run_timeline(recipe: Recipe, run: int, line: SimulatedLine | None = None) -> RunTimeline:

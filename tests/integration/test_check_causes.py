@@ -1,11 +1,13 @@
 """`station check` says before anything is measured which causes a recipe cannot tell apart."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from station.cli.app import main
+from station.config.search_path import shipped_folder
 
 
 def checked(recipe: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
@@ -30,6 +32,18 @@ def test_three_varied_runs_of_tilts_tell_them_apart(capsys: pytest.CaptureFixtur
     # Each run has its own temperature and its own power-on, so another offset in each may be either's.
     assert causes["offset-temperature"]["cannot_tell_from"] == ["turn-on-offset"]
     assert "local-gravity" in causes["hidden"]
+
+
+@pytest.mark.parametrize("step", ["6.25e-5", "0"])
+def test_a_device_stated_without_noise_is_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], step: str
+) -> None:
+    text = (shipped_folder() / "recipes" / "six-point.yaml").read_text(encoding="utf-8")
+    for stated, instead in (("noise_density: 0.0001", "noise_density: 0"), ("lsb: 6.25e-5", f"lsb: {step}")):
+        assert stated in text
+        text = text.replace(stated, instead)
+    (tmp_path / "still.yaml").write_text(text.replace("product: accelerometer", "# none"), encoding="utf-8")
+    assert "asymmetry" in checked(str(tmp_path / "still.yaml"), capsys)["quadratic"]["cannot_tell_from"]
 
 
 def test_what_is_still_seen_after_a_settling_time_is_not_called_hidden(capsys: pytest.CaptureFixture[str]) -> None:

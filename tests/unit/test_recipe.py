@@ -29,6 +29,18 @@ def test_the_axis_that_points_up_reads_plus_one_g(up: str) -> None:
     np.testing.assert_allclose(r.true_vector(r.positions[0]), expected, atol=1e-15)
 
 
+@pytest.mark.parametrize("key", ["lsb", "full_scale", "noise_density", "gain_std", "turn_on_std", "rate_hz"])
+@pytest.mark.parametrize("value", [1.1e15, 1e300, 1e-31, 1e-300])
+def test_a_quantity_whose_square_is_no_number_is_refused(key: str, value: float) -> None:
+    with pytest.raises(ValidationError, match=r"at most|less than or equal|at least"):
+        recipe(device={key: value})
+
+
+@pytest.mark.parametrize("key", ["noise_density", "lsb", "turn_on_std"])
+def test_nothing_may_be_stated(key: str) -> None:
+    assert getattr(recipe(device={key: 0}).device, key) == 0
+
+
 def test_turns_are_applied_left_to_right_about_station_axes() -> None:
     turns = [{"axis": [1, 0, 0], "angle_deg": 90}, {"axis": [0, 0, 1], "angle_deg": 90}]
     r = recipe(positions=[{"name": "p", "rotate": turns}])

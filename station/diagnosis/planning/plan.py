@@ -28,7 +28,7 @@ from station.model.model_file import Model
 from station.model.scene import visits_scene_of_table
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
-from station.model.timeline import noise_density_of, visit_dwells_s
+from station.model.timeline import noise_density_of, usual_noise_density, visit_dwells_s
 
 #: Samples a second that are enough to plan by: the noise of a mean follows from the density.
 PLANNING_RATE_HZ = 20.0
@@ -118,7 +118,7 @@ def plan_campaign(recipe: Recipe, units: int, line: SimulatedLine | None = None,
 
 def plan_runs(runs: PlannedRuns, units: int, line: SimulatedLine | None = None, seed: int = 1) -> PlannedCampaign:
     """The same where runs dwell differently."""
-    density = noise_density_of(runs.recipe)
+    density = _density_to_plan_with(runs.recipe)
     serials = tuple(f"unit-{i + 1}" for i in range(units))
     problem = planned_problem(runs.recipe, simulated_runs(runs, 0, serials, density, line or SimulatedLine(), seed))
     dwell_s = visit_dwells_s(runs.recipe).mean()
@@ -161,6 +161,13 @@ def simulated_runs(
         chosen = [r for r, d in enumerate(runs.dwells) if d == dwell and r >= first]
         parts.append(table[np.isin(table.run, chosen)])
     return parts
+
+
+def _density_to_plan_with(recipe: Recipe) -> float:
+    """White noise of the sheet; where that says 0, of its rounding, and without that the usual one."""
+    device = recipe.device
+    of_rounding = device.lsb / float(np.sqrt(6 * device.rate_hz))
+    return noise_density_of(recipe) or of_rounding or usual_noise_density(recipe)
 
 
 def recipe_separability(recipe: Recipe, units: int = 4) -> RecipeSeparability:

@@ -41,7 +41,7 @@ class DeviceSheet(StrictModel):
     """
 
     rate_hz: Positive = 100.0
-    clock_tolerance_ppm: NotNegative = 200.0
+    clock_tolerance_ppm: Annotated[float, Field(ge=0, le=500_000, allow_inf_nan=False)] = 200.0
     lsb: NotNegative = 0.0
     full_scale: Positive | None = None
     noise_density: NotNegative | None = None

@@ -9,7 +9,10 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from station.errors import InvalidValue
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+#: No quantity of a bench, a unit or a process is larger, and none but 0 smaller, in whatever unit; their squares are
+#: still numbers.
+LARGEST, SMALLEST = 1e15, 1e-30
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 
 
 def _not_a_switch(value: Any) -> Any:
@@ -25,14 +28,20 @@ Number = Annotated[float, BeforeValidator(_not_a_switch), Field(allow_inf_nan=Fa
 Vector = tuple[Finite, Finite, Finite]
 
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+def _not_as_good_as_nothing(value: float) -> float:
+    if 0 < value < SMALLEST:
+        raise InvalidValue("value-below", limit=SMALLEST, given=value)
+    return value
+
+
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_as_good_as_nothing)]
 
 
 #: Standard deviation of an angle: beyond this a direction is not known at all.
 AngleStd = Annotated[float, Field(ge=0, le=45, allow_inf_nan=False)]
 
 
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_as_good_as_nothing)]
 
 
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[\w.+\-/ ]+$")]
