@@ -49,8 +49,9 @@ class Promise:
 
     @property
     def separates(self) -> tuple[str, ...]:
-        """The causes found and those likely to be parted from them; where none is, what is parted at all."""
-        parted = [pair for pair in self._pairs() if self._chance_of_pair(*pair) > 0.5]
+        """The causes found and those likely to be parted from them, whichever is true; where none is, what is parted
+        at all."""
+        parted = [(a, b) for a, b in self._pairs() if min(self.apart[a, b], self.apart[b, a]) > SEPARATION_95]
         heads = {tie.names[0] for tie in self.ties}
         named = [pair for pair in parted if set(pair) & heads]
         return tuple(dict.fromkeys(name for pair in named or parted for name in pair))
