@@ -115,3 +115,23 @@ def test_another_position_or_length_ends_a_stay() -> None:
     moved = replace(made, reading=made.reading * 1e-3 + np.where(made.visit[:, None] == 2, [1.0, 0, 0], [0, 0, 1.0]))
     # Twenty seconds in stretches of five, and two visits as they were.
     assert np.count_nonzero(np.diff(recut(free, moved).table.visit)) == 4 + 2 - 1
+
+
+@pytest.mark.parametrize("cut_s", [0.5, 1.0, 2.0, 5.0])
+def test_the_rests_of_a_tumble_are_a_visit_each_however_they_are_cut(cut_s: float) -> None:
+    """Pieces of half a second were visits of their own, whose errors are one error: it made causes evident."""
+    rng = np.random.default_rng(4)
+    rest_s = rng.uniform(3.0, 14.0, 12).round(2)
+    begins = np.cumsum(np.r_[0.0, rest_s[:-1] + 2.0])
+    t = np.concatenate([b + np.arange(0.0, s, 0.01) for b, s in zip(begins, rest_s, strict=True)])
+    rest = np.repeat(np.arange(12), [len(np.arange(0.0, s, 0.01)) for s in rest_s])
+    piece = np.floor((t - begins[rest]) / cut_s + 1e-9).astype(int)
+    visit = np.unique(1000 * rest + piece, return_inverse=True)[1]
+    still = rng.standard_normal((12, 3))
+    made = table(t, visit)
+    made = replace(
+        made, position=Labels(tuple(f"still-{i}" for i in range(12)), rest.astype(np.int32)), reading=still[rest]
+    )
+    for pose in ("unknown", "known"):
+        held = fast().model_copy(update={"reference": fast().reference.model_copy(update={"pose": pose})})
+        assert np.array_equal(recut(held, made).table.visit, rest)

@@ -207,6 +207,15 @@ def test_unknown_orientations_must_leave_something_beside_offset_and_gain(poses:
     preflight.check_orientations(by_hand(), replace(found, temperature_degC=(20.0, 40.0)))
 
 
+def test_one_unknown_pose_tells_nothing_though_it_is_heated(rng: np.random.Generator) -> None:
+    """Free gains followed what the temperature did: the verdict was `none`, or an axis was said to respond apart."""
+    heat = np.sin(np.linspace(0, 2 * np.pi, 2400))
+    y = [0.02, -0.01, 1.0] + 0.01 * heat[:, None] * [0.5, 0.0, 1.0] + 0.001 * rng.standard_normal((2400, 3))
+    warm = replace(table(y, 24), values={"temperature_degC": 20 + 45 * heat})
+    with pytest.raises(SamplesError, match="recipe such as one-point"):
+        preflight.inspect(by_hand(), warm)
+
+
 def test_an_axis_that_no_pose_turns_is_named(rng: np.random.Generator) -> None:
     flat = SPHERE * [1, 1, 0]
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)

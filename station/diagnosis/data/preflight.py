@@ -104,7 +104,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     if poses < LEAST_ORIENTATIONS:
         preflight_checks.check_axes_alike(recipe, table, mean[~out], unit[~out])
     turned = preflight_checks.one_turned_unit(recipe, mean[~out], unit[~out])
-    preflight_checks.check_poses(recipe, poses, table, turned)
+    preflight_checks.check_poses(recipe, poses, turned)
     lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))
     warm = table.values.get("temperature_degC")
     lengths = np.linalg.norm(mean[~out] if (~out).any() else mean, axis=1)
@@ -141,7 +141,7 @@ def _in_order_of_time(table: SampleTable) -> SampleTable:
 
 def check_orientations(recipe: Recipe, found: Preflight) -> None:
     """Errors: SamplesError where only the magnitude is known, and the orientations are too few for offset and gain of
-    each axis: nothing else can be told from them. Temperatures may show themselves in one."""
+    each axis: nothing else can be told from them. Temperatures may show themselves in few."""
     warm = found.temperature_degC
     heated = warm is not None and warm[1] - warm[0] > preflight_checks.HEATED_DEGC
     known = recipe.pose_known or recipe.reference.source == "rate"

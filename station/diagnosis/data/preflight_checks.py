@@ -99,12 +99,10 @@ def check_axes_alike(recipe: Recipe, table: SampleTable, mean: Floats, unit: Int
             raise SamplesError("axis-responds-apart", serial=serial, axis="xyz"[odd], ratio=ratio)
 
 
-def check_poses(recipe: Recipe, poses: int, table: SampleTable, turned: Message | None) -> None:
-    """Errors: SamplesError where only the magnitude is known, in one pose, and nothing else changes either; turned:
-    what was remarked of units with a pose each."""
-    warm = table.values.get("temperature_degC")
-    heated = warm is not None and float(np.nanmax(warm) - np.nanmin(warm)) > HEATED_DEGC
-    if not recipe.pose_known and poses < 2 and not heated and recipe.reference.source != "rate":
+def check_poses(recipe: Recipe, poses: int, turned: Message | None) -> None:
+    """Errors: SamplesError where only the magnitude is known, in one pose: gains of axes follow whatever changes there,
+    the temperature's effect too; turned: what was remarked of units with a pose each."""
+    if not recipe.pose_known and poses < 2 and recipe.reference.source != "rate":
         raise SamplesError("one-unknown-pose") if turned is None else SamplesError(turned)
 
 

@@ -2,7 +2,8 @@
 
 Visits of a unit that follow each other without a gap at one position are one stay. It is cut anew, into stretches of
 one length that depends on how long the stay was and not on how it came, so that the same recording in visits of 5, 10,
-30 or 60 s becomes the same table. A visit that the fixture left and came to again is untouched.
+30 or 60 s becomes the same table. A visit that the fixture left and came to again is untouched. Short stays of a unit
+that was turned from one to the next are a visit each: pieces of one rest repeat its pose and say nothing new of it.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +17,8 @@ from station.domain.recipe.recipe import Recipe
 
 #: Stretches of the longest stay at the most; the shortest stretch, s, and the fewest samples in one.
 MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES = 96, 5.0, 20
+#: So many stays of a unit, none of them longer than this (s), are rests of a tumble.
+LEAST_RESTS, LONGEST_REST_S = 7, 60.0
 #: Sample periods that may lie between two visits of one stay.
 MAX_GAP_PERIODS = 3.0
 #: Share of the stimulus by which two visits of one stay may differ where nobody knows the pose.
@@ -48,9 +51,13 @@ def recut(recipe: Recipe, table: SampleTable) -> Recut:
     since = table.time_s - table.time_s[begins][row_stay]
     span = np.zeros(len(pieces))
     np.maximum.at(span, row_stay, since)
-    length = max(float(span[pieces > 1].max()) / MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES * period)
+    longest = float(span[pieces > 1].max())
+    length = max(longest / MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES * period)
+    rests = np.bincount(table.unit.code[begins])
+    if longest <= LONGEST_REST_S and rests[rests > 0].min() >= LEAST_RESTS:
+        length = longest + period
     stretch = _stretch(since, row_stay, span, pieces > 1, length)
-    visit = _renumbered(table, row_stay, stretch)
+    visit = _renumbered(table, row_stay, stretch, pieces > 1)
     count = int(np.sum(np.maximum(np.round(span[pieces > 1] / length), 1)))
     return Recut(replace(table, visit=visit), len(first), count, length)
 
@@ -62,13 +69,15 @@ def _stretch(since: Floats, stay: Array, span: Floats, many: NDArray[np.bool_], 
     return np.where(many[stay], place, 0).astype(np.int64)
 
 
-def _renumbered(table: SampleTable, stay: Array, stretch: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Numbers (n) of the visits from 0 in each run; those of runs without any stay as they were."""
+def _renumbered(
+    table: SampleTable, stay: Array, stretch: NDArray[np.int64], many: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Numbers (n) of the visits from 0 in each run; those of runs without any stay of many pieces as they were."""
     new = np.r_[True, (np.diff(stay) != 0) | (np.diff(stretch) != 0)]
     run = np.cumsum(np.r_[True, (np.diff(table.run) != 0) | (np.diff(table.unit.code) != 0)]) - 1
     count = np.cumsum(new) - 1
     begin = count[np.flatnonzero(np.diff(run, prepend=-1))]
-    cut = np.bincount(run, stretch) > 0
+    cut = np.bincount(run, many[stay]) > 0
     return np.where(cut[run], count - begin[run], table.visit).astype(np.int32)
 
 
