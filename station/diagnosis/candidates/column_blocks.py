@@ -59,9 +59,13 @@ class ColumnBlock(NamedTuple):
 
 
 def _axis_columns(made: Sequence[BankColumns], layout: RowLayout, units: slice) -> AxisColumns:
+    """Columns as they are before a gain of each axis (`axis_gain`) is taken off."""
     grid, stops = layout.grid.part(units)
-    gain = np.einsum("vii->vi", layout.keep[stops])
-    values = scattered(made, [m.columns.on_their_axes(gain, stops)[:, None] for m in made], stops)
+    parts = [m.columns.on_their_axes(stops) for m in made]
+    if all(m.groups == 1 for m in made):
+        values = np.concatenate(parts, axis=1)[:, None]
+    else:
+        values = scattered(made, [part[:, None] for part in parts], stops)
     axes = np.concatenate([m.columns.axis for m in made for _ in range(m.groups)])
     return AxisColumns(VisitGrid(grid.slot, 1).spread(values), axes)
 

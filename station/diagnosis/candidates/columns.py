@@ -64,10 +64,9 @@ class StopColumns:
             return np.asarray(keep[stops] @ self.stop(stops))
         return np.asarray(keep[stops].take(self.axis, axis=2) * self.still[stops].take(self.course, axis=1)[:, None])
 
-    def on_their_axes(self, gain: Floats, stops: slice = ALL_STOPS) -> Floats:
-        """Of columns that move one axis each what the gain (v, 3) of each axis at some stops leaves of their means
-        (v, a)."""
-        return np.asarray(gain.take(self.axis, axis=1) * self.still[stops].take(self.course, axis=1))
+    def on_their_axes(self, stops: slice = ALL_STOPS) -> Floats:
+        """Of columns that move one axis each their values there at some stops (v, a)."""
+        return np.asarray(self.still[stops].take(self.course, axis=1))
 
     def select_visits(self, chosen: Array) -> "StopColumns":
         """The same at some of the stops."""

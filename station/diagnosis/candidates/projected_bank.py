@@ -111,7 +111,8 @@ def project_bank(
     # Spaces that are not held are gone through for what the readings are in them, candidates or none.
     needed = bank.candidates or any(isinstance(space, PartedSpace) for space in spaces)
     for units in layout.grid.parts(UNITS_AT_ONCE) if needed else ():
-        seen = [PartOfSpace.of(space.part(units), one_axis=any(b.one_axis for b in blocks)) for space in spaces]
+        gain = layout.axis_gain(units) if any(block.one_axis for block in blocks) else None
+        seen = [PartOfSpace.of(space.part(units), gain) for space in spaces]
         found: list[list[NormalProducts]] = [[] for _ in spaces]
         white: list[list[Array]] = [[] for _ in spaces]
         for block in blocks:
@@ -157,14 +158,14 @@ class PartOfSpace(NamedTuple):
     factors: Array | None
 
     @staticmethod
-    def of(space: ResidualSpace, *, one_axis: bool) -> "PartOfSpace":
-        """From the space. The basis is made orthonormal to the last digit, since squares of columns are compared with
-        squares of what it takes from them."""
+    def of(space: ResidualSpace, gain: Floats | None) -> "PartOfSpace":
+        """From the space, and the gain (U, R, V, 3) of columns of one axis. The basis is made orthonormal to the last
+        digit, since squares of columns are compared with squares of what it takes from them."""
         near = space.basis.swapaxes(1, 2) @ space.basis
         basis = space.basis @ (1.5 * np.eye(near.shape[-1]) - 0.5 * near)
         known = np.concatenate([space.data[..., None], space.shared_basis, basis], axis=2)
         covariance = replace(space.covariance, runs=space.covariance.runs.run_by_run())
-        factors = covariance.runs.axis_factors(3) if one_axis else None
+        factors = None if gain is None else covariance.runs.axis_factors(gain)
         return PartOfSpace(replace(space, covariance=covariance), np.ascontiguousarray(known.swapaxes(1, 2)), factors)
 
     def products(self, block: ColumnBlock, rows: Sequence[DataColumns | AxisColumns]) -> Iterator[NormalProducts]:

@@ -76,6 +76,11 @@ class RowLayout:
         one_block = block_visits(self.grid.slot.shape[2], self.grid.k)[0] == 1
         return one_block and self.grid.k == 3 and not np.any(self.keep * (1 - np.eye(3)))
 
+    def axis_gain(self, units: slice) -> Floats:
+        """What is kept of each axis at the stops of some units (U, R, V, 3), where axes are kept apart."""
+        grid, stops = self.grid.part(units)
+        return VisitGrid(grid.slot, 1).spread(np.einsum("vii->vi", self.keep[stops])[:, None])
+
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
         if dwell is not None:

@@ -101,12 +101,13 @@ class RunFilter:
             white[:, :, b] -= observed[:, :, b] @ walk
         return self._joined(white, out)
 
-    def axis_factors(self, axes: int) -> Array:
-        """Of each block the columns of L⁻¹ that the numbers of each axis meet: (axes, U, R, B, s, s / axes), or 1 in
-        place of U and R where all runs are of one kind."""
-        inverse = self._inverse_of_runs()
+    def axis_factors(self, gain: Floats) -> Array:
+        """The columns of L⁻¹ that the numbers of each axis meet in each block, times a gain (U, R, V, axes) of them:
+        (axes, U, R, B, s, s / axes)."""
+        inverse, axes = self._inverse_of_runs(), gain.shape[-1]
         inverse = inverse.reshape(*(inverse.shape[:-3] or (1, 1)), *inverse.shape[-3:])
-        return np.ascontiguousarray(np.moveaxis(inverse.reshape(*inverse.shape[:-1], -1, axes), -1, 0))
+        of_block = gain.reshape(*gain.shape[:2], inverse.shape[-3], 1, -1, axes)
+        return np.ascontiguousarray(np.moveaxis(inverse.reshape(*inverse.shape[:-1], -1, axes) * of_block, -1, 0))
 
     def transposed(self, rows: Array) -> Array:
         """L⁻ᵀ times rows (U, R, m, c)."""

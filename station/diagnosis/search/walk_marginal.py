@@ -157,14 +157,17 @@ def _hopeful(
     sample = sampled_units(problem.setting, SAMPLE_UNITS)
     if sample is None:
         return floors
+    # What moves within the visits changes next to nothing of how likely a walk is without it.
+    every = score_under_floors(problem.setting, [best.projected[0].bank.only([])], floors)
+    behind = np.array([s.readings().fits[0, 0] for s in every])
+    behind = behind.max() - behind
+    if np.all(behind <= HOPELESS_NATS):
+        return floors
     some = sample.scored([best.candidates[i] for i in slow], floors)
-    every = score_under_floors(problem.setting, [s.bank.only([]) for s in some[0].projected], floors)
-    space = some[0].space_index
-    fits, sampled = (np.stack([s.readings().fits[0] for s in stages])[:, space] for stages in (every, some))
-    behind, alone = (x.max(0) - x for x in (fits, sampled))
-    total = sampled + np.stack([s.readings().evidence[0] for s in some])
+    sampled = np.stack([s.readings().fits[0] for s in some])[:, some[0].space_index]
+    total, alone = sampled + np.stack([s.readings().evidence[0] for s in some]), sampled.max(0) - sampled
     # A unit unlike all others shows in one of the two.
-    without = np.minimum(behind, sample.share * alone)
+    without = np.minimum(behind[:, None], sample.share * alone)
     least = without + sample.surely(total.max(0) - total - alone)
     return [f for f, nats in zip(floors, least.min(1), strict=True) if nats <= HOPELESS_NATS]
 
