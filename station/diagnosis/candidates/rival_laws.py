@@ -175,9 +175,12 @@ def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator
 
 def laws_within_dwells(cause: Candidate, view: ResidualView) -> list[Candidate]:
     """A cause that stands still in each dwell as it is in the blocks, first of all, and what comes on from block to
-    block and had none or a part of its size at first; none where nothing could show it."""
+    block and had none or a part of its size at first; none where nothing could show it, or of a cause that follows time
+    or temperature, which go on within a long dwell."""
     count = view.reduced.count
     if cause.moving or cause.effect is None or cause.pattern == "scan" or not np.any(count[:, 1:]):
+        return []
+    if acts_by(cause.effect) in ("time", "temperature"):
         return []
     late = np.linspace(1.0, 0.0, count.shape[1]) ** 2
     word, found = f"dwell-phase*{acts_by(cause.effect)}", list[Candidate]()
