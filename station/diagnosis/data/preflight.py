@@ -102,7 +102,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
     poses = _poses(recipe, mean[~out], unit[~out])
     if poses < LEAST_ORIENTATIONS:
-        preflight_checks.check_axes_alike(recipe, table, mean[~out], unit[~out])
+        preflight_checks.check_axes_agree(recipe, table, mean[~out], unit[~out])
     turned = preflight_checks.one_turned_unit(recipe, mean[~out], unit[~out])
     preflight_checks.check_poses(recipe, poses, turned)
     lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))

@@ -79,7 +79,7 @@ def check_signal(recipe: Recipe, found: InferredSheet, size: float) -> None:
         raise SamplesError("noise-above-stimulus", noise=noise, size=size, unit=recipe.unit)
 
 
-def check_axes_alike(recipe: Recipe, table: SampleTable, mean: Floats, unit: Ints) -> None:
+def check_axes_agree(recipe: Recipe, table: SampleTable, mean: Floats, unit: Ints) -> None:
     """Errors: SamplesError where one axis of a unit is so much larger than the others that all its poses look like two.
     mean (v, 3), unit (v): of the visits."""
     if recipe.pose_known or recipe.reference.source == "rate":
