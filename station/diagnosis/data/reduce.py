@@ -125,7 +125,7 @@ def ringing_edges(ringing: Ringing, dwell_s: float) -> Floats:
     last = min(RINGS_FOR * ringing.time_constant_s / dwell_s, MOST_OF_DWELL)
     fine = step * np.arange(1, 1 + min(MOST_BLOCKS, int(last / step)))
     coarse = BLOCK_EDGES[:-1]
-    return np.r_[fine, coarse[NEXT_BLOCK * fine.max(initial=0.0) < coarse], 1.0]
+    return np.asarray(np.r_[fine, coarse[NEXT_BLOCK * fine.max(initial=0.0) < coarse], 1.0])
 
 
 def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edges: Floats = BLOCK_EDGES) -> ReducedPart:

@@ -85,7 +85,7 @@ class MovedDwells:
         size = np.maximum(np.sum(self.move[of] ** 2, axis=0), 1e-300)
         common = np.sum(np.einsum("vi,vik->ik", self.move[of], projected[of]) ** 2, axis=1) / size
         share = common / np.maximum(np.sum(projected[of] ** 2, axis=(0, 2)), 1e-300)
-        return float(np.sum(agreement(share, np.count_nonzero(of))))
+        return float(np.sum(agreement(share, float(np.count_nonzero(of)))))
 
 
 class RingingSearch:
@@ -129,7 +129,9 @@ class RingingSearch:
         shape, nats, terms = min(found, key=lambda one: chance(*one[1:]))
         # All waves were tried, in all nests alike and in each.
         tried = 2 * len(self.waves)
-        return Ringing(*shape, nats - float(np.log(tried))) if chance(nats, terms) * tried < FALSE_RINGINGS else None
+        if chance(nats, terms) * tried >= FALSE_RINGINGS:
+            return None
+        return Ringing(shape[0], shape[1], nats - float(np.log(tried)))
 
 
 def find_ringing(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], sigma: Floats) -> Ringing | None:
