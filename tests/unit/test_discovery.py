@@ -10,7 +10,7 @@ import pytest
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.constant_scale import ConstantScale
-from station.diagnosis.discovery.discover import _group_terms, discover, is_series
+from station.diagnosis.discovery.discover import FoundTerm, _group_terms, discover, is_series
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
@@ -20,10 +20,11 @@ from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.diagnosis.results.gain import HeldOutGain
+from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
-from station.reporting.diagnosis.formula_curve import formula_curves
+from station.reporting.diagnosis.formula_curve import _curve, formula_curves
 from tests.blind.bench import WHITE, Scaled, World, hide
 from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
@@ -61,6 +62,24 @@ def test_its_curve_is_the_formula_over_its_covariate(found: Diagnosis) -> None:
     c, about = document(found)["unknown"]["hypotheses"][0]["parameters"]
     np.testing.assert_allclose(line, [c["value"], -c["value"] * about["value"]], rtol=1e-6)
     np.testing.assert_allclose(curve.formula, curve.level * np.polyval(line, curve.at), atol=1e-9)
+
+
+def test_the_curve_of_what_dies_away_within_a_dwell_is_that_of_the_means() -> None:
+    """What is over after a tenth of the dwell moves its mean, though in the middle of the dwell nothing is left."""
+
+    def dies(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        added[:, 2] = w.a[:, 2] ** 2 * np.exp(-w.away / 0.08) * rng.amplitude(1e-2, (1,))[0]
+        return w.a, added
+
+    table, _ = hide(recipe(), dies, 5, d=60.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    term = Term("own-squared", "decay-since-arrival", ("z",), "common", (("time_constant_s", 0.08),))
+    fit = fit_term(term, TermSpaces(problem, problem.fit().floor).of(term))
+    with_it = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]))
+    found = HypothesisTerm(FoundTerm("formula-1", fit, 0.0, ()), *[None] * 2)  # type: ignore[arg-type]
+    curve = _curve(Hypotheses((found,), None, False, False, with_it, with_it.fit(), 0.0, ""), found)
+    assert np.abs(curve.formula).max() == pytest.approx(0.1 * abs(with_it.accepted[0].coefficient[0, 0]), rel=0.5)
 
 
 def test_the_model_carries_it_and_a_second_diagnosis_is_silent(found: Diagnosis) -> None:

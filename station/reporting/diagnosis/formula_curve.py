@@ -45,8 +45,8 @@ def _curve(h: Hypotheses, t: HypothesisTerm) -> FormulaCurve:
     columns = _strongest(term, i, size, signal)
     at, label, level, what = _covariate(term, columns[0][0], signal)
     formula = moved[:, i]
-    if view.grid.k == len(AXES):
-        # Of an axis that feels two others, what the stronger one makes.
+    if view.grid.k == len(AXES) and "since_arrival_s" not in term.needs:
+        # Of an axis that feels two others, what the stronger one makes. What dies away within a dwell is its mean's.
         formula = np.sum([c * term.column(column, signal) for column, c in columns], axis=0)
     else:
         columns = []
