@@ -85,6 +85,14 @@ def test_the_blocks_of_a_ringing_rise_to_the_end_of_the_dwell(hz: float, constan
     assert len(edges) <= MOST_BLOCKS + len(BLOCK_EDGES)
 
 
+@pytest.mark.parametrize("rate_hz", [0.2, 1.0, 4.0, 10.0])
+def test_slow_samples_show_no_ringing(rate_hz: float) -> None:
+    slow = fast().model_copy(update={"device": fast().device.model_copy(update={"rate_hz": rate_hz})})
+    table, _ = hide(fast(), swing(11.0, 0.15), 8, units=2, d=40)
+    visit = visits_scene_of_table(slow, table).visit
+    assert find_ringing(slow, table, visit, sample_noise(table.reading, visit)) is None
+
+
 def test_where_nothing_rings_the_blocks_are_those_of_any_dwell() -> None:
     quiet, loud = (hide(fast(), hidden, 7, units=2, d=40)[0] for hidden in (None, swing(11.0, 0.15)))
     assert reduce_samples(fast(), quiet).edges is BLOCK_EDGES

@@ -101,9 +101,8 @@ class RingingSearch:
     @staticmethod
     def of(recipe: Recipe, visit: NDArray[np.intp]) -> "RingingSearch | None":
         """For dwells as those of some samples in visits (n); None where they are too short, or no pose is known."""
-        samples = int(np.median(np.bincount(visit)))
-        known = samples >= LEAST_SAMPLES and recipe.pose_known
-        return RingingSearch(recipe.device.rate_hz, samples) if known else None
+        search = RingingSearch(recipe.device.rate_hz, int(np.median(np.bincount(visit))))
+        return search if len(search.waves) and recipe.pose_known else None
 
     def add(self, table: SampleTable, visit: NDArray[np.intp]) -> MovedDwells:
         """Whole units of a table whose samples are in visits (n), rising from 0; their dwells."""
@@ -147,6 +146,8 @@ def find_ringing(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], si
 def _waves(samples: int, rate_hz: float) -> tuple[list[tuple[float, float]], Floats]:
     """Frequency and time constant of every wave (w), and its cosine and sine (w, s, 2), orthonormal, without what a
     straight line and what dies away without a wave could be."""
+    if samples < LEAST_SAMPLES:
+        return [], np.zeros((0, samples, 2))
     t = np.arange(samples) / rate_hz
     still = np.stack([np.ones(samples), t, *(np.exp(-t / tau) for tau in TIME_CONSTANTS_S)], axis=1)
     u, size, _ = np.linalg.svd(still, full_matrices=False)
@@ -157,7 +158,7 @@ def _waves(samples: int, rate_hz: float) -> tuple[list[tuple[float, float]], Flo
         for tau in TIME_CONSTANTS_S
         if f * tau >= LEAST_WAVES
     ]
-    if not shapes or samples <= plain.shape[1] + 2:
+    if not shapes:
         return [], np.zeros((0, samples, 2))
     f, tau = (np.array(column)[:, None] for column in zip(*shapes, strict=True))
     wave = np.exp(-t / tau) * np.exp(2j * np.pi * f * t)
