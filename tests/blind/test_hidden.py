@@ -48,11 +48,14 @@ def test_a_cause_of_another_form_is_named_all_the_same(name: str) -> None:
 
 
 def test_a_cause_that_explains_nothing_is_not_named_for_an_alarm_of_something_else() -> None:
-    """Where this alarms at all, "time" is 2.9 nats ahead of a cause worth 0.2: once that was named six times over."""
-    table, _ = hide(recipe(), WRONG_FORM["ringing"][1], 4408029, floor=WHITE, d=8.0)
+    """Where this alarms at all, "time" is 2.9 nats ahead of a cause worth 0.2: once that was named six times over. The
+    right cause, which held-out stops confirm, may be named since ringing is looked for in the samples."""
+    right, hidden = WRONG_FORM["ringing"]
+    table, _ = hide(recipe(), hidden, 4408029, floor=WHITE, d=8.0)
     found = diagnosis_of(recipe(), table)
-    assert not found.causes
-    assert found.verdict == ("unknown" if found.search_result.findings else "none")
+    assert all(cause.finding.name == right and cause.gain.accepted for cause in found.causes)
+    assert len(found.causes) <= 1
+    assert found.causes or found.verdict == ("unknown" if found.search_result.findings else "none")
 
 
 @pytest.mark.parametrize("name", portion(UNKNOWN, 9))
