@@ -48,6 +48,10 @@ def stamps(rate_error: float, late: str, rng: np.random.Generator) -> tuple[np.n
     elif late == "bursts":
         # Four frames share the stamp of the last of them.
         t = np.ceil(t / 0.04) * 0.04
+    elif late == "cut bursts":
+        # Each visit begins with a whole burst of three, and its last one it cuts off after the first frame.
+        place = np.tile(np.arange(100), 72)
+        t = visit * 2.5 + (place // 3 * 3 + 2) / (RATE_HZ * (1 + rate_error)) + rng.uniform(0, 1e-4, n)
     elif late == "milliseconds":
         t = np.round(t, 3)
     elif late == "late and lost":
@@ -61,7 +65,7 @@ def stamps(rate_error: float, late: str, rng: np.random.Generator) -> tuple[np.n
     return t[order], visit[order]
 
 
-@pytest.mark.parametrize("late", ["sometimes", "always", "bursts", "milliseconds", "lost", "late and lost"])
+@pytest.mark.parametrize("late", ["sometimes", "always", "bursts", "cut bursts", "milliseconds", "lost", "late and lost"])
 def test_a_host_that_stamps_late_is_no_error_of_the_clock(late: str) -> None:
     for seed in range(10):
         t, visit = stamps(0.0, late, np.random.default_rng(seed))
@@ -70,7 +74,7 @@ def test_a_host_that_stamps_late_is_no_error_of_the_clock(late: str) -> None:
         assert clock.faults(fast(), made, stop) == []
 
 
-@pytest.mark.parametrize("late", ["sometimes", "always", "milliseconds", "lost"])
+@pytest.mark.parametrize("late", ["sometimes", "always", "cut bursts", "milliseconds", "lost"])
 def test_an_error_of_the_clock_is_found_and_sized_beside_late_stamps(late: str) -> None:
     t, visit = stamps(0.01, late, np.random.default_rng(7))
     stop = np.cumsum(np.diff(visit, prepend=-1) != 0) - 1

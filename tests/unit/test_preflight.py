@@ -108,10 +108,12 @@ def test_rows_that_are_missing_change_no_inferred_rate(rng: np.random.Generator)
 
 @pytest.mark.parametrize("burst", [2, 5, 8, 16])
 @pytest.mark.parametrize("apart_s", [0.0, 5e-5])
-def test_readings_that_come_in_bursts_change_no_inferred_rate(burst: int, apart_s: float) -> None:
-    """Visits of 100 readings in bursts of 8 were 107 Hz; with a stamp each the rate was that within a burst."""
+@pytest.mark.parametrize("ends", [99, 200])
+def test_readings_that_come_in_bursts_change_no_inferred_rate(burst: int, apart_s: float, ends: int) -> None:
+    """Visits of 100 readings in bursts of 8 were 107 Hz; with a stamp each the rate was that within a burst. A last
+    burst that a visit of 40 readings cuts off made 47.4 Hz of 50, and a clock-error of what was inferred from it."""
     place = np.arange(100)
-    last = np.minimum((place // burst + 1) * burst - 1, 99)
+    last = np.minimum((place // burst + 1) * burst - 1, ends)
     visit = last / 100 + apart_s * (place % burst)
     time_s = np.concatenate([visit + 2.5 * v for v in range(30)])
     within = np.diff(np.repeat(np.arange(30), 100)) == 0

@@ -198,7 +198,8 @@ def with_sheet(recipe: Recipe, of: Preflight) -> Recipe:
         return recipe
     values = {name: getattr(recipe.device, name) for name in type(recipe.device).model_fields} | known
     # What the readings tell stays unstated: no reading is judged by what was taken from it.
-    device = type(recipe.device).model_construct(_fields_set=recipe.device.model_fields_set, **values)
+    stated = recipe.device.model_fields_set - known.keys()
+    device = type(recipe.device).model_construct(_fields_set=stated, **values)
     return recipe.model_copy(update={"device": device})
 
 

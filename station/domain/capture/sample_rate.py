@@ -18,7 +18,7 @@ def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, fl
     """Readings a second, by counts over the spans of the visits, and the scatter (s) of a step about it.
 
     Steps of more than five usual ones are pauses and count on neither side. Late stamps make a step back that counts.
-    Of readings that come in bursts the first burst of a visit took its time before the visit.
+    Of readings that come in bursts the first burst of a visit took its time before the visit, and the last may be cut.
     """
     steps = np.diff(time_s)
     ahead = steps[within & (steps > 0)]
@@ -26,7 +26,8 @@ def rate_of(time_s: Floats, within: NDArray[np.bool_]) -> tuple[float | None, fl
         return None, 0.0
     usual = _usual_step(ahead)
     counts = within & (np.abs(steps) <= 5 * usual)
-    counts &= ~_first_bursts(steps, within, usual)
+    whole_bursts = counts & ~_cut_bursts(steps, within, usual)
+    counts = whole_bursts if whole_bursts.any() else counts
     regular = steps[counts]
     span = float(regular.sum())
     if not span > 0:
@@ -50,11 +51,19 @@ def _usual_step(ahead: Floats) -> float:
     return burst if usual * len(ahead) / len(apart) < BURST_SHARE * burst else usual
 
 
-def _first_bursts(steps: Floats, within: NDArray[np.bool_], usual: float) -> NDArray[np.bool_]:
-    """Which of the steps (n) are in the first burst of a visit; none where readings do not come in bursts."""
+def _cut_bursts(steps: Floats, within: NDArray[np.bool_], usual: float) -> NDArray[np.bool_]:
+    """Which of the steps (n) are within the first burst of a visit or lead to and through its last, which the visit may
+    cut; none where readings do not come in bursts."""
     small = within & (np.abs(steps) < IN_BURST * usual)
     if not within.any() or np.count_nonzero(small) < IN_BURSTS * np.count_nonzero(within):
         return np.zeros(len(steps), bool)
-    ahead = np.cumsum(within & ~small)
-    before = np.maximum.accumulate(np.where(within, 0, ahead))
-    return np.asarray(small & (ahead == before))
+    first = small & (_long_steps_before(within, small) == 0)
+    last = within & (_long_steps_before(within[::-1], small[::-1])[::-1] == 0)
+    return np.asarray(first | last)
+
+
+def _long_steps_before(within: NDArray[np.bool_], small: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many steps of the same visit before each (n) lead from burst to burst."""
+    long = within & ~small
+    ahead = np.cumsum(long)
+    return np.asarray(ahead - long - np.maximum.accumulate(np.where(within, 0, ahead)))

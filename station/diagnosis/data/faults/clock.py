@@ -3,7 +3,8 @@
 Stamps of a host are late by whatever it was busy with, never early, so no single gap tells a rate. Frames are numbered
 in the order of arrival; a frame is taken for lost only where all stamps after it in the stop stay late by a whole
 period. The slope of number against stamp is then fitted over each stop, or over the whole run where a counter bridges
-the stops, and its standard deviation is that of the stops among each other: jitter is whatever they scatter by.
+the stops, and its standard deviation is that of the stops among each other: jitter is whatever they scatter by. Of
+frames that are handed over in bursts the last of each burst counts, and none of a stop's last, which the stop may cut.
 """
 
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ MAX_RATE_ERROR = 0.15
 STAMP_STD_S = 1e-6
 #: Without a counter frames that are missing can be counted where stamps scatter by less than this share of a period.
 MAX_SCATTER = 0.08
+#: Frames come in bursts where at least this share of steps within stops is shorter than this share of the mean one.
+IN_BURSTS, IN_BURST = 1 / 4, 0.2
 #: Rounds of numbering the frames by the rate and fitting the rate to the numbers.
 ROUNDS = 3
 
@@ -120,15 +123,31 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
         if len(rows) < 3:
             continue
         t, group, number = _numbered(table, stop, counted, rows)
-        if counted is None and not _is_countable(t, number, group):
+        kept = _fresh(t, group)
+        if counted is None and not _is_countable(t[kept], number[kept], group[kept], _places(group)[kept]):
             continue
-        error[u], std[u], stops[u] = _slope(t, np.asarray(number / nominal, float), group, group)
+        error[u], std[u], stops[u] = _slope(t[kept], number[kept] / nominal, group[kept], group[kept])
         if has and np.isfinite(std[u]):
             starts = np.flatnonzero(np.diff(group, prepend=-1))
             joined = _numbers_across_visits(table, rows, number, starts, error[u], std[u], (nominal, bits))
             if joined is not None:
-                error[u], std[u], _ = _slope(t, np.asarray(joined / nominal, float), table.run[rows], group)
+                error[u], std[u], _ = _slope(t[kept], joined[kept] / nominal, table.run[rows][kept], group[kept])
     return ClockRates(error, std, tuple(stops))
+
+
+def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:
+    """Which frames (n) tell the time: all, but where they come in bursts the last of each that ended within its stop.
+
+    A burst is stamped when it is handed over, which is when its last frame came; of one that the stop cuts off the last
+    frame is missing.
+    """
+    step = np.diff(time_s)
+    within = group[1:] == group[:-1]
+    inside = step[within]
+    short = IN_BURST * float(np.mean(inside)) if len(inside) else 0.0
+    if np.count_nonzero(inside < short) < IN_BURSTS * len(inside):
+        return np.ones(len(time_s), bool)
+    return np.append(within & (step >= short), False)
 
 
 def frames_of(
@@ -151,20 +170,34 @@ def _numbered(
 def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
     """Numbers (n) of frames without a counter, from 0 in each stop (group): their order, and as many more as are lost
     for good. Of the periods that the gaps suggest that one is taken which leaves the stamps nearest to a line."""
-    gap = np.diff(time_s)[group[1:] == group[:-1]]
-    place = (np.arange(len(group)) - np.repeat(*_first_and_count(group))).astype(np.int64)
+    number, kept = _places(group), _fresh(time_s, group)
+    number[kept] = _numbers_of_stamps(time_s[kept], group[kept], number[kept])
+    return number
+
+
+def _places(group: Array) -> NDArray[np.int64]:
+    """The place (n) of each frame in its stop, from 0."""
+    return np.asarray(np.arange(len(group)) - np.repeat(*_first_and_count(group)), np.int64)
+
+
+def _numbers_of_stamps(time_s: Floats, group: Array, place: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers (n) of frames at these places of their stops, as many ahead of the place as were lost before."""
+    within = group[1:] == group[:-1]
+    gap = np.diff(time_s)[within] / np.diff(place)[within]
     usual = float(np.median(gap)) if len(gap) else 0.0
     # Late stamps leave the median alone, stamps of whole milliseconds the mean; of bursts only the span tells a rate.
     means = [float(np.mean(some)) for some in (gap[gap < 1.5 * usual], gap) if len(some)]
-    tried = [_numbers_by_period(time_s, group, place, p) for p in (usual, *means) if p > 0]
-    return min(tried, key=lambda pair: pair[0])[1] if tried else place
-
-
-def _is_countable(time_s: Floats, number: NDArray[np.int64], group: Array) -> bool:
-    """Whether the numbers of frames are sure: none is missing, or the stamps lie near the lines that they make."""
     first, count = _first_and_count(group)
-    if np.array_equal(number, np.arange(len(group)) - np.repeat(first, count)):
+    before = np.repeat(place[first], count)
+    tried = [_numbers_by_period(time_s, group, place - before, p) for p in (usual, *means) if p > 0]
+    return min(tried, key=lambda pair: pair[0])[1] + before if tried else place
+
+
+def _is_countable(time_s: Floats, number: NDArray[np.int64], group: Array, place: NDArray[np.int64]) -> bool:
+    """Whether the numbers of frames are sure: none is missing, or the stamps lie near the lines that they make."""
+    if np.array_equal(number, place):
         return True
+    first, count = _first_and_count(group)
     middle = [np.repeat(np.add.reduceat(x, first) / count, count) for x in (time_s, number.astype(float))]
     t, n = time_s - middle[0], number - middle[1]
     off = n - t * float(t @ n) / max(float(t @ t), 1e-300)
