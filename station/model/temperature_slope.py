@@ -2,7 +2,9 @@
 
 Within a run T = β₀ + β₁ t + f(t) + noise, f an integrated Wiener process: the cubic smoothing spline (Wahba 1978). Its
 stiffness is the one that restricted likelihood prefers over all runs; the slope at each visit is its conditional mean,
-and what is not known of it its conditional covariance.
+and what is not known of it its conditional covariance. β₁ is normal from run to run: noisy slopes are drawn to their
+mean, because a cause in proportion to them as they are comes out too small (regression calibration: Carroll, Ruppert,
+Stefanski and Crainiceanu, Measurement Error in Nonlinear Models, 2nd ed., ch. 4).
 """
 
 from collections.abc import Sequence
@@ -17,6 +19,8 @@ from station.model import long_temperature_run
 STIFFNESS_RATIOS = np.geomspace(1e-2, 1e8, 21)
 #: Runs that the stiffness is judged by, at most.
 MAX_LIKELIHOOD_RUNS = 48
+#: So many runs show how their slopes scatter; fewer are taken as they are.
+RUNS_TO_POOL = 4
 #: Modes kept of what is not known of a slope.
 MODES = 3
 #: Visits of a run beyond which no matrix has as many rows: its cost grows with the cube of them.
@@ -114,14 +118,37 @@ def _slope(runs: RunTemperatures, ratio: float, noise: float) -> tuple[Floats, F
     low = np.minimum(t[:, :, None], t[:, None, :])
     with_f = ratio * (low * t[:, None, :] - low**2 / 2)
     solved = np.linalg.solve(V, np.concatenate([B, runs.value[..., None], with_f.swapaxes(1, 2)], axis=2))
-    normal = np.linalg.inv(B.swapaxes(1, 2) @ solved[..., :2])
-    line = normal @ (B.swapaxes(1, 2) @ solved[..., 2:3])
+    precision = B.swapaxes(1, 2) @ solved[..., :2]
+    own = np.asarray(np.linalg.solve(precision, B.swapaxes(1, 2) @ solved[..., 2:3]))
+    normal, line = _drawn_together(precision, own, noise)
     toward = np.array([0.0, 1.0]) - with_f @ solved[..., :2]
     slope = line[:, 1] + (with_f @ (solved[..., 2:3] - solved[..., :2] @ line))[..., 0]
     unknown = ratio * low - with_f @ solved[..., 3:] + toward @ normal @ toward.swapaxes(1, 2)
     values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
     modes = vectors[..., -MODES:] * (noise * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0)))
     return slope, np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
+
+
+def _drawn_together(precision: Floats, line: Floats, noise: float) -> tuple[Floats, Floats]:
+    """Covariance (r, 2, 2), in units of noise², and means (r, 2, 1) of the runs' lines, β₁ normal about its mean.
+
+    precision, line: the same of each run by itself. Variance between runs by moments (DerSimonian and Laird 1986).
+    """
+    normal = np.asarray(np.linalg.inv(precision))
+    if len(line) < RUNS_TO_POOL or not noise > 0:
+        return normal, line
+    slope, own = line[:, 1, 0], noise**2 * normal[:, 1, 1]
+    weight = 1 / own
+    mean = float(np.average(slope, weights=weight))
+    free = weight.sum() - np.sum(weight**2) / weight.sum()
+    between = float(np.sum(weight * (slope - mean) ** 2) - (len(slope) - 1)) / free
+    # None seen is no proof of none: as much as one standard deviation of that estimate may be there.
+    between = max(between, float(np.sqrt(2 / (len(slope) - 1)) / np.mean(weight)))
+    mean = float(np.average(slope, weights=1 / (own + between)))
+    prior = np.zeros_like(precision)
+    prior[:, 1, 1] = noise**2 / between
+    normal = np.asarray(np.linalg.inv(precision + prior))
+    return normal, normal @ (precision @ line + prior[:, :, 1:] * mean)
 
 
 def _with_constant_runs(runs: RunTemperatures, still: Array, ratio: float, noise: float) -> tuple[Floats, Floats]:

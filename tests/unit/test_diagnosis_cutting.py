@@ -65,7 +65,9 @@ def stamps(rate_error: float, late: str, rng: np.random.Generator) -> tuple[np.n
     return t[order], visit[order]
 
 
-@pytest.mark.parametrize("late", ["sometimes", "always", "bursts", "cut bursts", "milliseconds", "lost", "late and lost"])
+@pytest.mark.parametrize(
+    "late", ["sometimes", "always", "bursts", "cut bursts", "milliseconds", "lost", "late and lost"]
+)
 def test_a_host_that_stamps_late_is_no_error_of_the_clock(late: str) -> None:
     for seed in range(10):
         t, visit = stamps(0.0, late, np.random.default_rng(seed))

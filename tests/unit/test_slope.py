@@ -38,6 +38,21 @@ def test_the_error_is_as_large_as_said(noise: float) -> None:
     assert np.sqrt(np.mean(error**2)) < 0.5 * np.sqrt(np.mean(steps**2))
 
 
+def test_a_cause_in_proportion_to_slopes_that_noise_blurs_keeps_its_size() -> None:
+    """As they are, slopes of short runs scatter twice as far as the true ones, and the size came out a fifth."""
+    rng = np.random.default_rng(11)
+    t, runs = np.linspace(0.0, 20.0, 6), 2000
+    true = rng.normal(0.01, 0.002, runs)
+    noise = 0.004 * np.sqrt(np.sum((t - t.mean()) ** 2))
+    found = temperature_slopes([(t, 20.0 + b * t + noise * rng.standard_normal(6)) for b in true])
+    seen = np.array([f.slope.mean() for f in found])
+    size = float(np.cov(true, seen)[0, 1] / np.var(seen))
+    # A fifth of the scatter is true: the size is known to √(.8 / .2 / 2000) = .045.
+    assert size == pytest.approx(1.0, abs=0.2)
+    own = np.mean([np.sum(f.modes.mean(axis=0) ** 2) for f in found])
+    assert own == pytest.approx(np.mean((seen - true) ** 2), rel=0.2)
+
+
 def test_runs_of_one_and_two_stops() -> None:
     one, two = temperature_slopes([(np.array([3.0]), np.array([20.0])), (np.array([1.0, 3.0]), np.array([20.0, 21.0]))])
     assert one.slope == pytest.approx([0.0])
