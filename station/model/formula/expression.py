@@ -10,7 +10,7 @@ Expression
 └── Call        a function; of a pure number where it asks for one
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
@@ -187,26 +187,23 @@ def _called(function: str, x: Floats) -> Floats:
 
 def variables(tree: Expression) -> frozenset[str]:
     """Names of the variables in a tree."""
-    match tree:
-        case Variable(name):
-            return frozenset({name})
-        case Sum(parts) | Multiplication(parts):
-            return frozenset().union(*(variables(p) for p in parts))
-        case Power(part, _) | Call(_, part):
-            return variables(part)
-    return frozenset()
+    return frozenset(variable.name for variable in _variables_in(tree))
 
 
 def places_of(tree: Expression) -> frozenset[str]:
     """Places of the variables in a tree."""
+    return frozenset(variable.place for variable in _variables_in(tree))
+
+
+def _variables_in(tree: Expression) -> Iterator[Variable]:
     match tree:
-        case Variable(_, place):
-            return frozenset({place})
+        case Variable():
+            yield tree
         case Sum(parts) | Multiplication(parts):
-            return frozenset().union(*(places_of(p) for p in parts))
+            for part in parts:
+                yield from _variables_in(part)
         case Power(part, _) | Call(_, part):
-            return places_of(part)
-    return frozenset()
+            yield from _variables_in(part)
 
 
 def constants(tree: Expression) -> tuple[str, ...]:
