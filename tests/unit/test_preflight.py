@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from station.diagnosis.data import family, preflight
 from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition.distinct_values import distinct
 from station.errors import SamplesError
 from tests.fakes import tumble
 
@@ -245,3 +248,16 @@ def test_portions_are_one_preflight(rng: np.random.Generator) -> None:
     two, _ = preflight.inspect(by_hand(), table(still(rng), 24, unit="B"))
     both = preflight.merge([one, replace(two, magnitude=(0.5, 1.0, 1.5))])
     assert (both.units, both.visits, both.magnitude[0], both.magnitude[2]) == (2, 48, 0.5, 1.5)
+
+
+@given(
+    st.lists(st.integers(-60, 60), min_size=1, max_size=60),
+    st.sampled_from([1.0, 0.1, 2.0**-14]),
+    st.lists(st.sampled_from([0.0, 1e-15, 3e-3, 0.5]), min_size=60, max_size=60),
+    st.booleans(),
+)
+def test_each_value_is_found_once_on_a_grid_or_beside_it(
+    codes: list[int], step: float, beside: list[float], on_grid: bool
+) -> None:
+    values = step * (np.array(codes) + (0.0 if on_grid else np.array(beside[: len(codes)]))) + 0.3
+    np.testing.assert_array_equal(distinct(values), np.unique(values))

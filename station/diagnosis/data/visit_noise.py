@@ -31,7 +31,7 @@ def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
     near = _differences(reading, visit)[0]
     if not len(near):
         return np.zeros(3)
-    robust = np.median(near, axis=0) / MAD_PER_SIGMA
+    robust = np.array([np.median(column) for column in near.T]) / MAD_PER_SIGMA
     return np.asarray(np.where(robust > 0, robust, np.sqrt(np.mean(near**2, axis=0))) / np.sqrt(2))
 
 

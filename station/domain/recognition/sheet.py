@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Array, Floats
+from station.domain.recognition.distinct_values import distinct
 
 #: Differences of values are whole steps when they miss them by this share of one; by chance they miss by 0.29.
 WHOLE = 0.15
@@ -46,20 +47,20 @@ def infer(reading: Floats, time_s: Floats, visit: Array) -> InferredSheet:
 
 def noise_of(reading: Floats, within: NDArray[np.bool_]) -> Floats:
     """White noise (3) of one reading from differences of neighbours within visits; rounding stays in it."""
-    near = np.diff(reading, axis=0)[within]
+    near = np.abs(np.diff(reading, axis=0)[within])
     if not len(near):
         return np.zeros(3)
-    robust = MAD * np.median(np.abs(near), axis=0)
+    robust = MAD * np.array([np.median(column) for column in near.T])
     # A coarse sensor's differences are mostly 0, or of few sizes: their mean square still tells.
     bound = np.where(robust > 0, 5 * robust, np.inf)
-    return np.asarray(np.sqrt(np.mean(np.minimum(np.abs(near), bound) ** 2, axis=0) / 2))
+    return np.asarray(np.sqrt(np.mean(np.minimum(near, bound) ** 2, axis=0) / 2))
 
 
 def step_of(column: Floats) -> float:
     """The step of which all readings (n) are multiples apart; 0 where they show none."""
     if len(column) < LEAST_READINGS:
         return 0.0
-    values = np.unique(column[:MOST_READINGS])
+    values = distinct(column[:MOST_READINGS])
     if len(values) > MOST_VALUES:
         middle = len(values) // 2
         values = values[middle - MOST_VALUES // 2 : middle + MOST_VALUES // 2]

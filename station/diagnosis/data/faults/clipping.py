@@ -48,6 +48,8 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     count = np.bincount(where)[:, None]
     share = np.stack([_share(_stands(reading, one), where) for one in _one_sided(extremes)])
     hit = (share > CLIPPED_SHARE) & (share * count >= MIN_CLIPPED_SAMPLES)
+    if not hit.any():
+        return _OPEN
     repeat = _repeat_share(reading, where, np.asarray(~hit.any(axis=0)))
     if np.isfinite(repeat).any():  # an axis that only ever stands at one of two ends is judged by the others
         repeat = np.where(np.isnan(repeat) & (extremes[0] < extremes[1]), np.nanmedian(repeat), repeat)
@@ -72,7 +74,9 @@ def _stands(reading: Floats, limits: Floats) -> NDArray[np.bool_]:
 
 def _share(at: NDArray[np.bool_], where: NDArray[np.intp]) -> Floats:
     """Of each stop and axis the share of samples (s, 3) that are `at` (n, 3)."""
-    return np.stack([np.bincount(where, column) for column in at.T], 1) / np.maximum(np.bincount(where), 1)[:, None]
+    count = np.bincount(where)
+    hits = [np.bincount(where[column], minlength=len(count)) for column in at.T]
+    return np.asarray(np.stack(hits, axis=1) / np.maximum(count, 1)[:, None])
 
 
 def _repeat_share(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> Floats:

@@ -8,7 +8,6 @@ frames that are handed over in bursts the last of each burst counts, and none of
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -244,7 +243,7 @@ def _slope(
 ) -> tuple[float, float, tuple[Floats, Floats, Floats]]:
     """Relative error of the device's time against the host's, with one offset for each group, and its deviation by the
     scatter of the stops; and error, weight and frames (s) of each stop on its own."""
-    _, code = np.unique(group, return_inverse=True)
+    code = np.cumsum(np.diff(group, prepend=group[:1]) != 0)
     count = np.bincount(code)
     t = time_s - (np.bincount(code, time_s) / count)[code]
     y = device_s - (np.bincount(code, device_s) / count)[code] - t
@@ -271,19 +270,15 @@ def _numbers_across_visits(
     starts: where among the unit's rows each stop begins.
     """
     nominal, bits = clock
-    span = 1 << bits
-    out = number.copy()
-    raw = table.values["counter"][rows].astype(np.int64)
-    for a, b in pairwise(starts):
-        if table.run[rows[a]] != table.run[rows[b]]:
-            continue
-        gap_s = table.time_s[rows[b]] - table.time_s[rows[b - 1]]
-        if gap_s * nominal * max(5 * std, 1e-4) > span / 4:
-            return None
-        expected = gap_s * nominal * (1 + error)
-        step = (raw[b] - raw[b - 1]) % span
-        step += span * round((expected - step) / span)
-        end = np.searchsorted(starts, b) + 1
-        stop_at = starts[end] if end < len(starts) else len(rows)
-        out[b:stop_at] += out[b - 1] + step - out[b]
-    return out
+    span, begin, end = 1 << bits, starts[1:], starts[1:] - 1
+    run, raw = table.run[rows], table.values["counter"][rows].astype(np.int64)
+    same = run[begin] == run[starts[:-1]]
+    gap = np.diff(table.time_s[rows])[end]
+    if np.any(same & (gap * nominal * max(5 * std, 1e-4) > span / 4)):
+        return None
+    step = (raw[begin] - raw[end]) % span
+    step += span * np.rint((gap * nominal * (1 + error) - step) / span).astype(np.int64)
+    # What each stop is ahead by adds up over a run.
+    ahead = np.append(0, np.cumsum(np.where(same, number[end] + step - number[begin], 0)))
+    first = np.maximum.accumulate(np.append(0, np.where(same, 0, np.arange(1, len(starts)))))
+    return np.asarray(number + np.repeat(ahead - ahead[first], np.diff(np.append(starts, len(rows)))))

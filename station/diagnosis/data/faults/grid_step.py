@@ -13,20 +13,23 @@ from station.diagnosis.data.faults.gross_fault import (
 )
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.domain.recognition.distinct_values import distinct
 
 #: A grid so many times as coarse as promised is a fault; powers of two are the usual case.
 COARSE_FACTOR = 1.5
 #: Share of a step by which a value may lie beside the grid: text of six digits does.
 OFF_GRID_SHARE = 0.02
+#: Values that differ by less than this share of their size are one, written twice.
+SAME = 1e-9
 
 
 def step_of(values: Floats) -> float:
     """The step of the grid that values (n) lie on; 0 where they lie on none."""
-    levels = np.unique(values)
+    levels = distinct(values)
     if len(levels) < 3:
         return 0.0
     gaps = np.diff(levels)
-    gaps = gaps[gaps > 1e-9 * max(float(np.abs(levels).max()), 1e-30)]
+    gaps = gaps[gaps > SAME * max(float(np.abs(levels).max()), 1e-30)]
     if not len(gaps):
         return 0.0
     step = float(gaps.min())
@@ -38,6 +41,16 @@ def step_of(values: Floats) -> float:
     return step if len(on) and float(np.mean(on)) > 0.95 and len(levels) < 0.7 * len(values) else 0.0
 
 
+def _is_fine(reading: Floats, promised: float) -> bool:
+    """Whether neighbours among some readings (n, 3) lie no further apart than a promised step, on any axis: whatever
+    grid the readings lie on is then no coarser."""
+    if not len(reading):
+        return True
+    apart, size = np.abs(np.diff(reading, axis=0)), np.abs(reading).max(axis=0)
+    near = apart < (1 + 1e-6) * promised
+    return bool(np.any(near & (apart > SAME * np.maximum(size, 1e-30))))
+
+
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose output comes in coarser steps than promised."""
     promised = recipe.device.lsb
@@ -46,6 +59,8 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     found = {}
     for u, of in enumerate(rows_of_units(table.unit)):
         rows = table.reading[of]
+        if _is_fine(rows, promised):
+            continue
         steps = [step_of(rows[:, i]) for i in range(3)] if len(rows) else [0.0]
         if min(steps) > COARSE_FACTOR * promised:
             found[u] = float(np.median(steps)), len(rows)
