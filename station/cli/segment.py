@@ -17,7 +17,9 @@ def command(
     temperature: Annotated[str | None, Option(help="Column of the temperature.")] = None,
     blocks: Annotated[int | None, Option(help="A visit is so many readings.")] = None,
     labels: Annotated[str | None, Option(help="Column whose changes begin a visit.")] = None,
-    unit: Annotated[str | None, Option(help="Unit of the readings: g, mg, m/s2, deg/s, rad/s, uT, LSB, …")] = None,
+    unit: Annotated[
+        str | None, Option(help="Unit of the readings: g, mg, m/s2, deg/s, rad/s, uT, LSB, …; or of x,y,z.")
+    ] = None,
     zero: Annotated[float | None, Option(help="Raw reading at 0; taken off first.")] = None,
     scale: Annotated[float | None, Option(help="Then multiplied by: recipe's unit for one raw unit.")] = None,
     dbc: Annotated[Path | None, Option(help="Messages of recorded CAN frames.")] = None,

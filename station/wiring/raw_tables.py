@@ -6,7 +6,7 @@ from station.adapters.bus import read_log
 from station.adapters.dbc import read_layouts
 from station.adapters.recordings import read_tables
 from station.adapters.recordings.writing import write_recording
-from station.domain.recognition import decoded, tidy
+from station.domain.recognition import decoded, split_stamps, tidy
 from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError, UsageError
 
@@ -21,7 +21,8 @@ def raw_tables(path: Path, dbc: Path | None) -> list[RawTable]:
     if tables and dbc is not None:
         raise UsageError("dbc-without-frames", file=str(path))
     if tables:
-        return [tidy.of_rows_by_axis(part) for table in tables for part in decoded.of_long_form(table)]
+        parts = [part for table in tables for part in decoded.of_long_form(table)]
+        return [split_stamps.with_whole_stamps(tidy.of_rows_by_axis(part)) for part in parts]
     if dbc is None:
         raise UsageError("frames-need-dbc", file=str(path))
     return _of_frames(path, dbc)

@@ -1,5 +1,6 @@
 """What the numbers of a file tell where its header does not: which columns, which quantity, which rows hold nothing."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -222,7 +223,7 @@ def test_a_circle_in_one_plane_is_no_compass_turned_all_round(
     y = np.stack([90 + 30 * np.cos(turn), 180 + 28 * np.sin(turn), -430 + 3 * np.sin(3 * turn)], axis=1)
     y += np.cumsum(rng.normal(0, 0.05, y.shape), axis=0)
     path = saved(tmp_path / "table.csv", np.c_[np.arange(3000) / 50, y], header="time,mx,my,mz")
-    assert "no tumble" in (said := refused(capsys, path)) or "never at rest" in said or "not a tumble" in said
+    assert "these are no readings of a compass that is turned in a steady field: 3000 readings" in refused(capsys, path)
 
 
 @pytest.mark.parametrize("name", ["x,y,z", "est_linear_accel_x,est_linear_accel_y,est_linear_accel_z"])
@@ -286,3 +287,68 @@ def test_a_coarse_converter_repeats_itself_without_being_held(
     one = understood(capsys, saved(tmp_path / "coarse.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az"))
     check(one, visits=8, poses=8, rate_hz=100.0)
     assert remarks(one) == []
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(("unit", "own"), [("g", "m/s²"), ("g", "mg"), ("m/s²", "g")])
+def test_an_axis_in_another_unit_is_named_with_the_option_that_mends_it(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, axis: int, unit: str, own: str
+) -> None:
+    factor = {"g": 1.0, "m/s²": G, "mg": 1000.0}
+    y = tumble(rng)
+    factors = np.array([factor[own] if i == axis else factor[unit] for i in range(3)])
+    path = saved(tmp_path / "log.csv", np.c_[np.arange(len(y)) / 100, y * factors], header="t,ax,ay,az")
+    units = ",".join(own if i == axis else unit for i in range(3))
+    said = refused(capsys, path)
+    assert f"column a{'xyz'[axis]}: it reaches " in said
+    assert f"import it with --unit {units}." in said
+    one = understood(capsys, path, "--unit", units)
+    check(one, visits=8, poses=8, raw_unit="g", scale=1.0)
+    assert remarks(one) == ["axes-of-several-units"]
+    assert one["magnitude"]["median"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_header_may_state_a_unit_for_each_axis(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    y = tumble(rng) * [1.0, G, 1000.0]
+    rows = np.c_[np.arange(len(y)) / 100, y]
+    one = understood(capsys, saved(tmp_path / "log.csv", rows, header="t [s],ax [g],ay [m/s^2],az [mg]"))
+    check(one, visits=8, poses=8, raw_unit="g", scale=1.0)
+    said = refused(capsys, saved(tmp_path / "odd.csv", rows, header="t [s],ax [g],ay [V],az [mg]"))
+    assert "in different units (V, g, mg), not all of them known: state three with --unit" in said
+    assert "does not state three units" in refused(capsys, str(tmp_path / "log.csv"), "--unit", "g,mg")
+
+
+def test_readings_that_go_round_no_sphere_are_in_no_other_unit(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """A pendulum swings in one plane; a compass beside iron sees one axis weakly."""
+    soft = iron(rng, 48.0, 25.0) * [1.0, 0.4, 1.0]
+    check(understood(capsys, saved(tmp_path / "soft.csv", soft, header="mx,my,mz")), reading_unit="uT", visits=400)
+
+
+@pytest.mark.parametrize("stamps", [False, True])
+@pytest.mark.parametrize(
+    ("shape", "said"),
+    [
+        ("cube", r"243 readings stand off the nearest ellipsoid by \d+ % of its size, where 10 %"),
+        ("plane", "243 readings (lie on no ellipsoid|go round only a part)"),
+        ("still", r"243 readings range over 1?\d % of their size only"),
+        ("few", "8 readings are fewer than 12"),
+    ],
+)
+def test_a_compass_that_goes_round_no_ellipsoid_is_told_so(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, shape: str, said: str, *, stamps: bool
+) -> None:
+    """It is neither too short nor driven: no rest is asked of a compass."""
+    angle = np.linspace(0, 40, 243)
+    field = {
+        "cube": rng.uniform(-60, 60, (243, 3)),
+        "plane": np.c_[40 * np.cos(angle), 30 * np.sin(angle), 20 + 0.1 * rng.standard_normal(243)],
+        "still": [30.0, -20.0, 25.0, *rng.standard_normal((243, 3))],
+        "few": sphere(rng, 8) * 48,
+    }[shape]
+    rows = np.c_[np.arange(len(field)) / 20, field] if stamps else field
+    err = refused(capsys, saved(tmp_path / "mag.csv", rows, header="t,mx,my,mz" if stamps else "mx,my,mz"))
+    assert re.search(said, err)
+    assert "too short" not in err
+    assert "Turn it all round about all axes, far from iron" in err

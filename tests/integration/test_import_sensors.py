@@ -404,3 +404,46 @@ def test_turn_rates_in_counts_about_a_converters_middle_are_asked_for(rng: np.ra
     assert (done.returncode, done.stdout) == (2, "")
     assert "State --zero" in done.stderr
     assert captured("import", path, "--zero", "32768", "--scale", "0.06").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("beside", "shown"),
+    [
+        ("attempts", "attempts"), ("template_id", "count"), ("temporal_x", "wave"), ("temp_status", "zero"),
+        ("temp_setpoint", "still"), ("temp_raw", "count"), ("cpu_temp", "warmer"), ("tempo", "wave"),
+    ],
+)  # fmt: skip
+def test_a_column_that_only_looks_like_a_temperature_hides_no_thermometer(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str], beside: str, shown: str
+) -> None:
+    y = tumble(rng)
+    n = len(y)
+    other = {
+        "attempts": rng.integers(0, 5, n), "count": np.arange(n), "wave": 90 * np.sin(np.arange(n) * 40.0),
+        "zero": np.zeros(n), "still": np.full(n, 25.0), "warmer": 41 + 0.001 * np.arange(n),
+    }[shown]  # fmt: skip
+    warm = 22 + 2e-4 * np.arange(n) + 0.05 * rng.standard_normal(n)
+    path = tmp_path / "log.csv"
+    header = f"time_s,ax,ay,az,{beside},temperature"
+    np.savetxt(path, np.c_[np.arange(n) / 100, y, other, warm], "%.5f", ",", header=header, comments="")
+    one = understood(capsys, str(path))
+    check(one, axes=["ax", "ay", "az"], rate_hz=100.0, visits=8)
+    assert one["temperature_degC"] == pytest.approx([22.0, 22.9], abs=0.4)
+    said = [r for r in one["remarks"] if r["id"] == "thermometers-of-others"]
+    assert bool(said) == (shown == "warmer")
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "zero"), [("temp_F", 1.8, 32.0), ("T [°C]", 1.0, 0.0), ("tempK", 1.0, 273.15)]
+)
+def test_the_unit_of_a_temperature_may_stand_in_its_name(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, scale: float, zero: float
+) -> None:
+    y = tumble(rng)
+    path = tmp_path / "log.csv"
+    warm = np.full(len(y), 23.0) * scale + zero
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y, warm], "%.5f", ",", header=f"temps,ax,ay,az,{name}", comments="")
+    one = understood(capsys, str(path))
+    check(one, rate_hz=100.0, visits=8)
+    assert one["temperature_degC"] == pytest.approx([23.0, 23.0], abs=0.01)
+    assert "temperature" not in one["inferred"]

@@ -310,4 +310,4 @@ def test_shaking_is_no_list_of_poses(
     path = tmp_path / "shaken.csv"
     np.savetxt(path, rng.standard_normal((300, 3)) + np.array([0, 0, 1]), delimiter=",")
     assert station("import", str(path)) == 2
-    assert "too short to find where the unit is at rest" in capsys.readouterr().err
+    assert "300 readings stand off the nearest ellipsoid by" in capsys.readouterr().err

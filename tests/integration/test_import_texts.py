@@ -212,3 +212,32 @@ def test_an_array_of_objects_runs_no_code_of_theirs(tmp_path: Path, capsys: Capt
     np.save(path, np.array([{"x": 1}] * 20, object))
     assert station("import", str(path)) == 2
     assert "cannot be parsed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("head", "parts"),
+    [
+        ("header.stamp.secs,header.stamp.nsecs,ax,ay,az", 10**9),
+        ("sec,nanosec,ax,ay,az", 10**9),
+        ("tv_sec,tv_usec,ax,ay,az", 10**6),
+        ("seconds,ms,ax,ay,az", 10**3),
+        ("", 10**9),
+    ],
+)
+def test_stamps_in_two_columns(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, head: str, parts: int
+) -> None:
+    """As `ros2 topic echo --csv` writes them without a header, frame and covariance beside the readings."""
+    text = [head] if head else []
+    for i, r in enumerate(tumble(rng) * 9.80665):
+        ticks = (1_700_000_000 * 100 + i) * (parts // 100)
+        beside = "" if head else "imu," + "0.0," * 4
+        text.append(f"{ticks // parts},{ticks % parts},{beside}{r[0]:.4f},{r[1]:.4f},{r[2]:.4f}")
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join(text) + "\n")
+    one = understood(capsys, str(path))
+    check(one, visits=8, poses=8, raw_unit="m/s²")
+    assert one["rate_hz"] == pytest.approx(100.0, rel=1e-4)
+    if not head:
+        again = understood(capsys, str(path), "--columns", "0,7,8,9")
+        assert again["axes"] == one["axes"] == ["column 7", "column 8", "column 9"]

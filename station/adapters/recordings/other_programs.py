@@ -8,8 +8,8 @@ from station.messages import Message
 #: How a file begins, what it is, and what to do.
 _BEGINNINGS: tuple[tuple[bytes, str, str], ...] = (
     (b"#ROSBAG", "kind-ros-bag", "remedy-topic-csv"),
-    (b"\x89MCAP", "kind-mcap", "remedy-topic-csv"),
-    (b"SQLite format 3\0", "kind-sqlite", "remedy-topic-csv"),
+    (b"\x89MCAP", "kind-mcap", "remedy-topic-csv-2"),
+    (b"SQLite format 3\0", "kind-sqlite", "remedy-database"),
     (b"PK\x03\x04", "kind-spreadsheet", "remedy-save-csv"),
     (b"\xd0\xcf\x11\xe0", "kind-old-spreadsheet", "remedy-save-csv"),
     (b"ULog\x01\x12\x35", "kind-ulog", "remedy-ulog"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from station.domain.core import rotation
 from station.domain.core.types import Array, Floats
-from station.domain.recognition.quantities import spans
+from station.domain.recognition.ellipsoid import axis_parallel
 from station.model.forward import ActiveEffects, BaseResponse, resting_stimulus
 from station.model.scene import Scene
 
@@ -27,31 +27,10 @@ def initial_base(mean: Floats, unit: Array, units: int, magnitude: float) -> Bas
     for u in range(units):
         y = mean[unit == u]
         size = float(np.sqrt(np.mean(np.sum(y**2, axis=1)))) or 1.0
-        found = ellipsoid(y / size)
+        found = axis_parallel(y / size)
         middle, radius = (np.zeros(3), np.ones(3)) if found is None else found
         offset[u], matrix[u] = middle * size, np.diag(radius * size / magnitude)
     return BaseResponse(offset, matrix)
-
-
-def ellipsoid(y: Floats) -> tuple[Floats, Floats] | None:
-    """Centre and half axes (3) of the ellipsoid through points (v, 3), or None where they do not tell.
-
-    It is fitted about the points' mean, which lies inside of it however far it is from zero: a compass beside iron.
-    """
-    middle = y.mean(axis=0)
-    size = float(np.sqrt(np.mean(np.sum((y - middle) ** 2, axis=1))))
-    if len(y) < 6 or not size > 0:
-        return None
-    off = (y - middle) / size
-    A = np.concatenate([off**2, off], axis=1)
-    if np.linalg.cond(A) > 1e4:
-        return None
-    x = np.linalg.lstsq(A, np.ones(len(y)), rcond=None)[0]
-    if np.any(x[:3] <= 0):
-        return None
-    centre = -x[3:] / (2 * x[:3])
-    half = np.sqrt((1 + float(np.sum(x[:3] * centre**2))) / x[:3])
-    return (middle + centre * size, half * size) if spans((off - centre) / half, np.zeros(3), 1.0) else None
 
 
 def with_directions(scene: Scene, true: Floats) -> Scene:

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition import axis_names, visits
+from station.domain.recognition import axis_names, temperatures, visits
 from station.domain.recognition.quantities import (
     QUANTITIES,
     Quantity,
@@ -21,11 +21,11 @@ from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTa
 from station.errors import SamplesError, UsageError
 
 _TIME = re.compile(
-    r"time|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间",
+    r"time|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间"
+    r"|^(tiempo|tempo|temps|czas|tid|tijd|время|aika)($|[ _(\[])",
     re.IGNORECASE,
 )
 _COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序号", re.IGNORECASE)
-_TEMPERATURE = re.compile(r"temp|thermo|degc|°c|温", re.IGNORECASE)
 _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orient|state|name|标签|位置", re.IGNORECASE)
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
 #: Triples that are computed and no readings, whatever their size.
@@ -51,7 +51,8 @@ Axes = tuple[int, int, int]
 @dataclass(frozen=True, slots=True)
 class Roles:
     """Places of the columns: axes (3), time, counter, temperature, labels or None; inferred: axes by content; rank: how
-    well their names fit, 0 best; others: axes whose names fit as well."""
+    well their names fit, 0 best; others: axes whose names fit as well; thermometers: columns that show temperatures,
+    too."""
 
     axes: Axes
     time: int | None
@@ -61,6 +62,7 @@ class Roles:
     inferred: bool
     rank: int
     others: tuple[Axes, ...] = ()
+    thermometers: tuple[int, ...] = ()
 
 
 def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles:
@@ -80,8 +82,14 @@ def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles
     elif time is None or (len(given) != 4 and _is_counter(table.columns[time], table.named)):
         counter = time if time is not None else _counter(table, given)
         time = None
-    if temperature is None:
-        temperature = _temperature(table, {*given, time, counter, label})
+    warm = [] if temperature is not None else temperatures.thermometers(table, {*given, time, counter, label})
+    if warm:
+        temperature, *warm = warm
+        warm = (
+            [i for i in warm if temperatures.shows_temperature(table, i)]
+            if temperatures.shows_temperature(table, temperature)
+            else []
+        )
     if label is None and options.blocks is None and options.find_labels:
         label = _labels(table, {*given, time, counter, temperature})
     others: tuple[Axes, ...] = ()
@@ -92,7 +100,7 @@ def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles
     for place in (*axes, time, temperature):
         if place is not None and table.columns[place].values is None:
             raise SamplesError("column-is-text", file=table.source, column=table.columns[place].name)
-    return Roles(axes, time, counter, temperature, label, inferred, rank, others)
+    return Roles(axes, time, counter, temperature, label, inferred, rank, others, tuple(warm))
 
 
 def place_of(table: RawTable, name: str) -> int:
@@ -289,13 +297,6 @@ def _is_counter(column: RawColumn, named: bool) -> bool:
     return bool(len(apart)) and bool(np.mean(apart == 1) > 0.9)
 
 
-def _temperature(table: RawTable, assigned: set[int | None]) -> int | None:
-    if not table.named:
-        return None
-    named = [i for i in table.numeric() if i not in assigned and _TEMPERATURE.search(table.columns[i].name)]
-    return next((i for i in named if np.isfinite(table.numbers(i)).any()), None)
-
-
 def _labels(table: RawTable, assigned: set[int | None]) -> int | None:
     """A column of text or whole numbers whose name says that it marks parts, and which lasts for some readings each."""
     for place, column in enumerate(table.columns):
@@ -328,8 +329,6 @@ def stated_unit(table: RawTable, axes: Axes, quantity: Quantity) -> str | None:
     """The unit that the headers of the axes state; None where they state none, or no unit of this quantity."""
     columns = [table.columns[i] for i in axes]
     units = {canonical(c.unit, quantity) for c in columns if c.unit}
-    if len(units) > 1:
-        raise SamplesError("axes-differ-in-unit", file=table.source, units=", ".join(sorted(c.unit for c in columns)))
     if units and (unit := units.pop()):
         return unit
     tails = {canonical(tail, quantity) for c in columns for tail in _tails(c.name)} - {None}

@@ -7,16 +7,24 @@ from numpy.typing import NDArray
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
-from station.domain.recognition import bad_rows, clock, columns, held, quantities, unit_change, visits
+from station.domain.recognition import (
+    axis_units,
+    bad_rows,
+    clock,
+    columns,
+    held,
+    quantities,
+    temperatures,
+    unit_change,
+    visits,
+)
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
 from station.domain.recognition.quantities import QUANTITIES, Quantity, UnitScale
-from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
+from station.domain.recognition.raw_table import ImportOptions, RawTable
 from station.errors import SamplesError, UsageError
 from station.messages import Message
 
-#: A thermometer shows temperatures between these, °C.
-COLDEST, HOTTEST = -80.0, 250.0
 #: Fewer rests than these, among readings all round, are chance.
 LEAST_RESTS = 5
 #: An axis of fewer equal readings may be one that nothing turned.
@@ -64,11 +72,20 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         remarks = (*remarks, _held(table, ticks, len(raw) / len(fresh)))
         raw, usable, ticks = raw[fresh], usable[fresh], ticks.only(fresh)
     _check_alive(table, roles, raw)
+    of_axes = axis_units.stated(table, roles.axes, options.unit, quantity)
+    if of_axes is not None:
+        raw = raw * axis_units.factors(of_axes, quantity)
+        remarks = (*remarks, _brought_together(table, roles, of_axes, unit))
     unit_change.check(table.source, raw, quantity)
     edges, names, declared = _declared(table, roles, options, usable, raw)
     if declared == "shown-blocks" and ticks.unit != "none":
         edges, names, declared = None, None, None
-    scale = _scale(table, roles, options, quantity, _rest_means(ticks.time_s, raw, edges), raw)
+    means = _rest_means(ticks.time_s, raw, edges)
+    if of_axes is None:
+        axis_units.check(table, roles.axes, means, quantity)
+        scale = _scale(table, roles, options, quantity, means, raw)
+    else:
+        scale = UnitScale(unit, 1.0, inferred=False)
     temperature, lost = _temperature(table, roles, usable)
     return Recording(
         source=table.source,
@@ -83,7 +100,8 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         clock=ticks,
         scale=scale,
         unit=unit,
-        degrees_inferred=roles.temperature is not None and not _says_degrees(table.columns[roles.temperature]),
+        degrees_inferred=roles.temperature is not None
+        and not temperatures.says_degrees(table.columns[roles.temperature]),
         remarks=(
             *table.remarks,
             *remarks,
@@ -93,6 +111,12 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
             *_others(table, roles),
         ),
     )
+
+
+def _brought_together(table: RawTable, roles: Roles, units: axis_units.Units, unit: str) -> Message:
+    """What is said of axes in different units."""
+    each = tuple(f"{table.columns[i].name} [{own}]" for i, own in zip(roles.axes, units, strict=True))
+    return Message("axes-of-several-units", file=table.source, axes=each, unit=unit)
 
 
 def _held(table: RawTable, ticks: SampleClock, times: float) -> Message:
@@ -199,24 +223,15 @@ def _scale(
     return replace(found, inferred=stated is None)
 
 
-def _says_degrees(column: RawColumn) -> bool:
-    """Whether the header states the unit of a temperature."""
-    said = f"{column.name} {column.unit}".lower()
-    return bool(column.unit.strip()) or any(word in said for word in ("degc", "°", "celsius", "kelvin", "fahrenheit"))
-
-
 def _temperature(table: RawTable, roles: Roles, usable: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:
     """Temperature (n) in °C; a thermometer that says something now and then is taken as a line between its readings."""
     if roles.temperature is None:
         return None, ()
     column = table.columns[roles.temperature]
-    values = table.numbers(roles.temperature)[usable]
-    known = np.flatnonzero(np.isfinite(values))
-    unit = column.unit.strip(" []()°").lower()
-    if unit in ("k", "kelvin") or (not unit and len(known) and 230 < np.median(values[known]) < 400):
-        values = values - 273.15
-    elif unit in ("f", "fahrenheit", "degf"):
-        values = (values - 32) / 1.8
-    if not len(known) or not COLDEST < np.median(values[known]) < HOTTEST:
+    values = temperatures.in_celsius(column, table.numbers(roles.temperature)[usable])
+    if values is None:
         return None, (Message("temperature-no-degrees", file=table.source, column=column.name),)
-    return np.interp(np.arange(len(values)), known, values[known]), ()
+    known = np.flatnonzero(np.isfinite(values))
+    others = tuple(table.columns[i].name for i in roles.thermometers)
+    said = (Message("thermometers-of-others", file=table.source, column=column.name, others=others),) if others else ()
+    return np.interp(np.arange(len(values)), known, values[known]), said

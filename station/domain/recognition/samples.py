@@ -117,10 +117,10 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
             _check_tumble(recording, edges)
         if _swept(recording, edges):
             return _a_reading_each(recording)
-    except SamplesError:
-        if not _is_listed(recording):
-            raise
-        return _a_reading_each(recording)
+    except SamplesError as error:
+        if _is_listed(recording):
+            return _a_reading_each(recording)
+        raise _refused_list(recording) or error from None
     return Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
 
 
@@ -134,6 +134,17 @@ def _is_listed(recording: Recording) -> bool:
         return True
     slowly = recording.unit == "uT" or unstamped or visits.off_ellipsoid(reading) < SLOWLY
     return slowly and visits.is_pose_each(reading)
+
+
+def _refused_list(recording: Recording) -> SamplesError | None:
+    """Why readings that no clock or no rest tells apart are no list of poses, either: of a compass, which never needs
+    to rest, and of what has no stamps. None where rest is all that is wrong."""
+    turned = recording.unit == "uT" or (recording.clock.unit == "none" and len(recording) <= MOST_POSES)
+    reason = visits.why_no_poses(recording.reading) if turned and recording.unit != "deg/s" else None
+    if reason is None or (recording.unit != "uT" and reason.id == "list-in-one-pose"):
+        return None
+    what = "field-list" if recording.unit == "uT" else "unstamped-list"
+    return SamplesError(what, file=recording.source, reason=reason)
 
 
 def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:

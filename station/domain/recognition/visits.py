@@ -9,6 +9,7 @@ from station.domain.core.types import Array, Floats
 from station.domain.recognition.quantities import spans
 from station.domain.recognition.raw_table import RawColumn
 from station.errors import SamplesError, UsageError
+from station.messages import Message
 
 Ints = NDArray[np.int64]
 #: A jump from one reading to the next is larger than this many times the usual difference.
@@ -18,6 +19,8 @@ ON_GRID = 0.95
 LEAST_BLOCK, LEAST_BLOCKS = 8, 6
 #: Readings of a pose each: at least so many, in so many orientations, this near to one ellipsoid, of its size.
 LEAST_READINGS, LEAST_POSES, NEAR_ELLIPSOID = 12, 9, 0.1
+#: Readings that range over less than this share of their size hardly turn.
+LEAST_REACH = 0.2
 #: A list of a row a pose that is too short for one has at least so many rows, the longest at most so many times the
 #: shortest: offsets may be half of gravity.
 LEAST_ROWS, LONGEST_ROW = 4, 3.0
@@ -75,13 +78,26 @@ def shown_blocks(reading: Floats) -> int:
 def is_pose_each(reading: Floats) -> bool:
     """Whether readings (n, 3) that never rest are a pose each, as lists for compass programs are: all but a few lie on
     one ellipsoid and go round it, which nothing that drives or shakes does."""
+    return why_no_poses(reading) is None
+
+
+def why_no_poses(reading: Floats) -> Message | None:
+    """What keeps readings (n, 3) from being a pose each of a stimulus of one magnitude; None where nothing does."""
     if len(reading) < LEAST_READINGS:
-        return False
+        return Message("list-of-few", readings=len(reading), least=LEAST_READINGS)
     found = _drawn_to_a_sphere(reading)
+    size, reach = float(np.median(np.linalg.norm(reading, axis=1))), float(np.ptp(reading, axis=0).max())
+    if reach < LEAST_REACH * size:
+        return Message("list-in-one-pose", readings=len(reading), percent=100 * reach / size)
     if found is None:
-        return False
+        return Message("list-on-no-ellipsoid", readings=len(reading))
+    off = _off(found)
+    if off >= NEAR_ELLIPSOID:
+        return Message("list-off-ellipsoid", readings=len(reading), percent=100 * off, most=100 * NEAR_ELLIPSOID)
     poses = int(rest_segments.orientations(found).max()) + 1
-    return _off(found) < NEAR_ELLIPSOID and poses >= LEAST_POSES and spans(found, np.zeros(3), 1.0)
+    if poses < LEAST_POSES or not spans(found, np.zeros(3), 1.0):
+        return Message("list-on-one-side", readings=len(reading), poses=poses)
+    return None
 
 
 def is_row_a_pose(reading: Floats) -> bool:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from station.diagnosis.data import magnitudes
 from station.diagnosis.data.faults.gross_fault import (
     BlockGain,
     FaultParameter,
@@ -16,6 +15,7 @@ from station.diagnosis.data.faults.gross_fault import (
     unit_label,
 )
 from station.domain.core.types import Array, Floats, SampleTable
+from station.domain.recognition.ellipsoid import axis_parallel
 from station.model.effects.axis_permutation import MAPPINGS, MATRICES
 from station.model.scene import Scene
 
@@ -77,7 +77,7 @@ def _by_magnitude(scene: Scene, mean: Floats) -> AxisDecoding | None:
     true = float(np.linalg.norm(scene.visits.stimulus[0]))
     length = np.linalg.norm(mean, axis=1)
     middle = float(np.median(length)) or 1.0
-    found = magnitudes.ellipsoid(mean / middle)
+    found = axis_parallel(mean / middle)
     if found is not None:
         radius = found[1] * middle
         if radius.max() > GAIN_FACTOR**2 * radius.min():
