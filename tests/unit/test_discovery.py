@@ -21,11 +21,13 @@ from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.diagnosis.results.gain import HeldOutGain
 from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm
+from station.diagnosis.results.imitators import simplest_explanation
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
 from station.reporting.diagnosis.formula_curve import _curve, formula_curves
 from tests.blind.bench import WHITE, Scaled, World, hide
+from tests.blind.hidden import KNOWN
 from tests.blind.inspection import diagnosis_of
 from tests.blind.recipes import recipe
 
@@ -95,6 +97,16 @@ def test_a_cause_that_nothing_held_out_confirms_goes_where_a_formula_is_found(fo
     again = _with_formulas(replace(found, causes=(shadow,), hypotheses=None), [])
     assert again.hypotheses is not None and again.hypotheses.complete
     assert (again.causes, again.verdict) == ((), "unknown")
+
+
+def test_another_spelling_of_its_law_takes_the_place_of_no_cause() -> None:
+    """A prior as narrow as the coefficients costs half a nat each; a term, held loosely, is no likelier for that."""
+    table, _ = hide(recipe(1), KNOWN["warm-up"], 4, units=6, d=40.0)
+    d = diagnosis_of(recipe(1), table)
+    paying = [cause.estimate.item for cause in d.causes if cause.estimate is not None]
+    assert [item.candidate.name for item in paying] == ["warm-up"]
+    found = simplest_explanation(d.search_result, d.last, paying, d.samples, whole=True, doubtful=True)
+    assert [id(item) for item in found.causes] == [id(item) for item in paying]
 
 
 def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whole_grammar() -> None:

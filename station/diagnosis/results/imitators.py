@@ -87,11 +87,23 @@ def _is_quiet(explanation: Explanation) -> bool:
 def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProblem) -> bool:
     """Whether a formula accounts for everything in fewer parts, or in as many far more nearly, and more likely by what
     it costs to write them down."""
-    problem = last if with_causes.formula is None else with_causes.formula.problem
+    problem = _alike(last if with_causes.formula is None else with_causes.formula.problem)
+    bare = _alike(alone.problem)
     causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
-    if len(alone.terms) >= with_causes.parts and _rest(problem) - _rest(alone.problem) < BEYOND_NOISE**2:
+    if len(alone.terms) >= with_causes.parts and _rest(problem) - _rest(bare) < BEYOND_NOISE**2:
         return False
-    return _profile(alone.problem) - _price(alone) > causes_nats
+    return _profile(bare) - _price(alone) > causes_nats
+
+
+def _alike(problem: ScoringProblem) -> ScoringProblem:
+    """The problem with every coefficient held by the size that those of its cause or term have. A prior takes half a
+    nat off each coefficient that it is no wider than: of two spellings of one law the looser would be the likelier."""
+    return problem.with_accepted([_held_by_size(item) for item in problem.accepted])
+
+
+def _held_by_size(item: AcceptedCause) -> AcceptedCause:
+    size = float(np.sqrt(np.mean(item.coefficient[item.hit] ** 2))) if item.hit.any() else 0.0
+    return item if np.any(item.mean) or size == 0.0 else replace(item, std=np.full(item.std.shape, size))
 
 
 def _rest(problem: ScoringProblem) -> float:
@@ -104,15 +116,16 @@ def _price(formula: Hypotheses | None) -> float:
 
 
 def _profile(problem: ScoringProblem) -> float:
-    """Log-likelihood of the readings beside everything known."""
-    return problem.fit().space.profile
+    """Log-likelihood of the readings beside everything known, over all coefficients that their priors allow."""
+    priors = np.concatenate([problem.known.per_unit_precision.ravel(), problem.known.shared_precision])
+    return problem.fit().space.profile + 0.5 * float(np.sum(np.log(priors[priors > 0])))
 
 
 def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[AcceptedCause, ...]:
     """The causes that say the same as a term of the formula: in its place they leave no more, but for its price."""
     if len(alone.terms) < 2:
         return ()
-    whole = _profile(alone.problem)
+    whole = _profile(_alike(alone.problem))
     first = len(alone.problem.accepted) - len(alone.terms)
     found = []
     for cause in paying:
@@ -150,4 +163,4 @@ def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool
 def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:
     """Log-likelihood of the readings with a cause beside what is known, at its best."""
     fresh = replace(cause, coefficient=np.zeros(cause.coefficient.shape)).in_view(bare.view)
-    return _profile(refined(bare.with_accepted([*bare.accepted, fresh]), rounds=2))
+    return _profile(_alike(refined(bare.with_accepted([*bare.accepted, fresh]), rounds=2)))
