@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data import stays
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -26,7 +27,7 @@ ELAPSED_COLUMNS = ("since_power_s", "since_clamp_s")
 def check(recipe: Recipe, table: SampleTable) -> None:
     """Errors: SamplesError where no calibration and no cause can be told from the samples, or they are no samples."""
     first = _first_rows(table)
-    _check_visit_count(table, first)
+    _check_visit_count(recipe, table, first)
     _check_one_position_per_visit(table, first)
     _check_time_advances(table, first)
     _check_axes_vary(recipe, table)
@@ -84,8 +85,8 @@ def _location(table: SampleTable, row: int) -> dict[str, str | int]:
     }
 
 
-def _check_visit_count(table: SampleTable, first: NDArray[np.intp]) -> None:
-    if len(first) < 2:
+def _check_visit_count(recipe: Recipe, table: SampleTable, first: NDArray[np.intp]) -> None:
+    if len(first) < 2 and not stays.recut(recipe, table).stretches > 1:
         raise SamplesError("samples-of-one-visit", rows=len(table))
 
 

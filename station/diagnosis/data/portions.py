@@ -131,7 +131,7 @@ def _is_ordinary(recipe: Recipe, table: SampleTable, found: Preflight) -> bool:
         return False
     preflight.check_orientations(recipe, found)
     input_checks.check(recipe, table)
-    return recut(recipe, table).stretches == 0
+    return recut(recipe, table).as_it_came
 
 
 def _kept(table: SampleTable, used: SampleTable) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data import preflight_checks, visit_motion
+from station.diagnosis.data import preflight_checks, stays, visit_motion
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
@@ -87,8 +87,9 @@ class Preflight:
 def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What samples are, and those of them that count. Errors: SamplesError where they are of no tumble."""
     table = in_order(table)
+    preflight_checks.check_positions(table, *visit_boundaries(table))
+    table, steps = stays.split_at_steps(recipe, table)
     begin, end = visit_boundaries(table)
-    preflight_checks.check_positions(table, begin, end)
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
     number = np.repeat(np.arange(len(begin)), end - begin)
     found = sheet.infer(table.reading, table.time_s, number)
@@ -117,7 +118,10 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         temperature_degC=None if warm is None else (float(np.nanmin(warm)), float(np.nanmax(warm))),
         inferred=inferred_keys(recipe),
         left_out=lost,
-        remarks=tuple(preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned)),
+        remarks=(
+            *preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned),
+            *preflight_checks.stepped(recipe, table, begin, mean, steps),
+        ),
         simulated=_simulated(table, begin),
     )
     return result, table[~out[number]] if out.any() else table

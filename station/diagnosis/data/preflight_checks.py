@@ -36,6 +36,8 @@ DROWNED = 1.0
 HEATED_DEGC = 2.0
 #: Units of one pose each, at least so many and in so many orientations, are one unit's files.
 LEAST_TURNED = 3
+#: Steps of the mean that are said one by one.
+MOST_SAID = 5
 #: An axis that no pose moves by this share of the stimulus is not stimulated.
 STIMULATED = 0.3
 
@@ -164,6 +166,21 @@ def remarks(
     else:
         yield from _not_stimulated(recipe, mean[~out], table.unit.code[begin][~out], table.unit.names)
     yield from _restarts(table, begin)
+
+
+def stepped(
+    recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], mean: Floats, steps: NDArray[np.intp]
+) -> Iterator[Message]:
+    """That visits were ended at rows (k) where their mean steps; begin (v), mean (v, 3): of all visits since."""
+    for row in steps[:MOST_SAID].tolist():
+        v = int(np.searchsorted(begin, row))
+        yield Message(
+            "mean-steps", serial=table.unit.names[table.unit.code[row]], run=int(table.run[row]),
+            visit=int(table.visit[row]), time_s=float(table.time_s[row]),
+            step=float(np.linalg.norm(mean[v] - mean[v - 1])), unit=recipe.unit,
+        )  # fmt: skip
+    if len(steps) > MOST_SAID:
+        yield Message("mean-steps-more", count=len(steps) - MOST_SAID)
 
 
 def _rate(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], found: InferredSheet) -> Iterator[Message]:

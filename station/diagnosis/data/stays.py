@@ -1,9 +1,11 @@
 """Visits that are pieces of one stay: a recording of one pose may be cut in any way, and means the same.
 
 Visits of a unit that follow each other without a gap at one position are one stay. It is cut anew, into stretches of
-one length that depends on how long the stay was and not on how it came, so that the same recording in visits of 5, 10,
-30 or 60 s becomes the same table. A visit that the fixture left and came to again is untouched. Short stays of a unit
-that was turned from one to the next are a visit each: pieces of one rest repeat its pose and say nothing new of it.
+one length that depends on how long the stay was and not on how it came, so that the same recording in visits of 5,
+10, 30 or 60 s becomes the same table. A visit that the fixture left and came to again is untouched. Short stays of a
+unit that was turned from one to the next are a visit each: pieces of one rest repeat its pose and say nothing new of
+it. A stay ends where the mean of the readings steps, and a long one in the only position of a recipe may come in one
+piece.
 """
 
 from dataclasses import dataclass, replace
@@ -11,12 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.capture import mean_steps
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table
 from station.domain.recipe.recipe import Recipe
 
 #: Stretches of the longest stay at the most; the shortest stretch, s, and the fewest samples in one.
 MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES = 96, 5.0, 20
+#: Share of the stimulus by which the mean of one pose steps at most; two poses of one visit are farther apart.
+MAX_STEP = 0.03
+#: A stay in the only position of a recipe is cut from so many of the shortest stretches on.
+LEAST_STRETCHES = 4
 #: So many stays of a unit, none of them longer than this (s), are rests of a tumble.
 LEAST_RESTS, LONGEST_REST_S = 7, 60.0
 #: Sample periods that may lie between two visits of one stay.
@@ -25,15 +32,24 @@ MAX_GAP_PERIODS = 3.0
 MAX_LENGTH_STEP = 0.02
 
 
+Rows = NDArray[np.intp]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Recut:
     """The table cut anew; visits: how many came; stretches: into how many of them, of `length_s` each, those of stays
-    were cut; 0 where none were."""
+    were cut; 0 where none were; steps: at which visits were ended."""
 
     table: SampleTable
     visits: int
     stretches: int
     length_s: float
+    steps: int = 0
+
+    @property
+    def as_it_came(self) -> bool:
+        """Whether no visit was cut or joined."""
+        return not (self.stretches or self.steps)
 
 
 def recut(recipe: Recipe, table: SampleTable) -> Recut:
@@ -42,24 +58,54 @@ def recut(recipe: Recipe, table: SampleTable) -> Recut:
     first = _first_rows(table)
     period = _period(table, first)
     joined = _joined(recipe, table, first, period)
-    if not joined.any():
-        return Recut(table, len(first), 0, 0.0)
-    stay = np.cumsum(np.r_[1, ~joined]) - 1
-    pieces = np.bincount(stay)
-    row_stay = np.repeat(stay, np.diff(np.append(first, len(table))))
-    begins = first[np.r_[True, ~joined]]
+    steps = _steps(recipe, table, first[np.r_[True, ~joined]], period)
+    begins = np.union1d(first[np.r_[True, ~joined]], steps)
+    row_stay = np.searchsorted(begins, np.arange(len(table)), side="right") - 1
     since = table.time_s - table.time_s[begins][row_stay]
-    span = np.zeros(len(pieces))
+    span = np.zeros(len(begins))
     np.maximum.at(span, row_stay, since)
-    longest = float(span[pieces > 1].max())
+    many = np.bincount(row_stay[first], minlength=len(begins)) > 1
+    many |= len(recipe.positions) == 1 and span >= LEAST_STRETCHES * MIN_STRETCH_S
+    if not (many.any() or len(steps)):
+        return Recut(table, len(first), 0, 0.0)
+    longest = float(span[many].max(initial=0.0))
     length = max(longest / MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES * period)
     rests = np.bincount(table.unit.code[begins])
     if longest <= LONGEST_REST_S and rests[rests > 0].min() >= LEAST_RESTS:
         length = longest + period
-    stretch = _stretch(since, row_stay, span, pieces > 1, length)
-    visit = _renumbered(table, row_stay, stretch, pieces > 1)
-    count = int(np.sum(np.maximum(np.round(span[pieces > 1] / length), 1)))
-    return Recut(replace(table, visit=visit), len(first), count, length)
+    stretch = _stretch(since, row_stay, span, many, length)
+    visit = _renumbered(table, row_stay, stretch, many | np.isin(begins, steps))
+    count = int(np.sum(np.maximum(np.round(span[many] / length), 1)))
+    return Recut(replace(table, visit=visit), len(first), count, length, len(steps))
+
+
+def split_at_steps(recipe: Recipe, table: SampleTable) -> tuple[SampleTable, Rows]:
+    """A sorted table whose visits end where their mean steps, later ones of the run counted on, and the rows (k) at
+    which they do."""
+    first = _first_rows(table)
+    steps = _steps(recipe, table, first, _period(table, first))
+    if not len(steps):
+        return table, steps
+    begins = np.union1d(first, steps)
+    stay = np.searchsorted(begins, np.arange(len(table)), side="right") - 1
+    visit = _renumbered(table, stay, np.zeros(len(table), np.int64), np.isin(begins, steps))
+    return replace(table, visit=visit), steps
+
+
+def _steps(recipe: Recipe, table: SampleTable, begins: Rows, period: float) -> Rows:
+    """Rows at which the mean steps within stays that begin at rows (k), less than another pose makes it unless the
+    recipe has one."""
+    end = np.append(begins[1:], len(table))
+    size = np.linalg.norm(np.add.reduceat(table.reading, begins, axis=0), axis=1) / (end - begins)
+    most = MAX_STEP * float(size.max()) if len(recipe.positions) != 1 else np.inf
+    found = list[int]()
+    for first, last in zip(begins.tolist(), end.tolist(), strict=True):
+        own = table.reading[first:last]
+        rows = mean_steps.find(own, period)
+        ends = zip([0, *rows], [*rows, len(own)], strict=True)
+        change = np.linalg.norm(np.diff([own[a:b].mean(axis=0) for a, b in ends], axis=0), axis=1) if rows else []
+        found += [first + row for row, step in zip(rows, change, strict=True) if step < most]
+    return np.array(found, np.intp)
 
 
 def _stretch(since: Floats, stay: Array, span: Floats, many: NDArray[np.bool_], length: float) -> NDArray[np.int64]:
@@ -70,15 +116,15 @@ def _stretch(since: Floats, stay: Array, span: Floats, many: NDArray[np.bool_], 
 
 
 def _renumbered(
-    table: SampleTable, stay: Array, stretch: NDArray[np.int64], many: NDArray[np.bool_]
+    table: SampleTable, stay: Array, stretch: NDArray[np.int64], cut: NDArray[np.bool_]
 ) -> NDArray[np.int32]:
-    """Numbers (n) of the visits from 0 in each run; those of runs without any stay of many pieces as they were."""
+    """Numbers (n) of the visits from 0 in each run; those of runs without any stay that was cut as they were."""
     new = np.r_[True, (np.diff(stay) != 0) | (np.diff(stretch) != 0)]
     run = np.cumsum(np.r_[True, (np.diff(table.run) != 0) | (np.diff(table.unit.code) != 0)]) - 1
     count = np.cumsum(new) - 1
     begin = count[np.flatnonzero(np.diff(run, prepend=-1))]
-    cut = np.bincount(run, many[stay]) > 0
-    return np.where(cut[run], count - begin[run], table.visit).astype(np.int32)
+    anew = np.bincount(run, cut[stay]) > 0
+    return np.where(anew[run], count - begin[run], table.visit).astype(np.int32)
 
 
 def _first_rows(table: SampleTable) -> NDArray[np.intp]:

@@ -1,8 +1,11 @@
 """A raw recording, turned by hand → the stretches in which the unit was at rest."""
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.capture import mean_steps
 from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.errors import SamplesError
@@ -51,7 +54,8 @@ def find(time_s: Floats, reading: Floats) -> Ints:
     edge = runs + np.array([0, window - 1])
     short = round(EDGE_SHARE * window)
     step = np.maximum(_step_threshold(reading, still, window), code)
-    parts = [part for a, b in _joined(reading, edge, short, step) for part in _split(reading, a, b, window, step)]
+    rests = [part for a, b in _joined(reading, edge, short, step) for part in _split(reading, a, b, window, step)]
+    parts = [part for a, b in rests for part in _without_steps(reading, a, b, WINDOW_S / window)]
     trimmed = np.array(parts, np.int64).reshape(-1, 2) + np.array([short, -short])
     return np.asarray(trimmed[trimmed[:, 1] - trimmed[:, 0] >= window - 2 * short])
 
@@ -139,6 +143,12 @@ def _split(reading: Floats, begin: int, end: int, window: int, step: Floats) -> 
         parts.append((start, row))
         start = row
     return [*parts, (start, end)]
+
+
+def _without_steps(reading: Floats, begin: int, end: int, period_s: float) -> list[tuple[int, int]]:
+    """Parts of a rest between jumps of the offset, which are smaller than those of a pose."""
+    rows = [begin, *(begin + row for row in mean_steps.find(reading[begin:end], period_s)), end]
+    return list(pairwise(rows))
 
 
 def table(time_s: Floats, reading: Floats, stretches: Ints, unit: str, names: list[str]) -> SampleTable:
