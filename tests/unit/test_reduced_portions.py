@@ -1,5 +1,6 @@
 """A large table reduced some units at a time comes to what it does whole, or its samples are asked for together."""
 
+import tracemalloc
 import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
@@ -16,28 +17,40 @@ from station.cli import _diagnosis_samples
 from station.cli._diagnosis_samples import MeasuredSource
 from station.diagnosis.data import preflight
 from station.diagnosis.data.faults import inspect
+from station.diagnosis.data.faults.tone_search import ToneExtent, ToneSearch
 from station.diagnosis.data.portions import PortionedTable, reduce_portions
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.data.visit_noise import NoiseTally, sample_noise
 from station.diagnosis.results.diagnose import Diagnosis, diagnose_reduced
 from station.domain.core.types import SampleTable
+from station.domain.evaluation.unit_dwells import reduce_table
+from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
+from station.model.scene import visits_scene_of_table
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
 from tests.blind.inspection import diagnosis_of, null_of
 from tests.blind.recipes import recipe
 
 LSB = 1e-5
-RECIPE = recipe(2).model_copy(
-    update={"device": recipe(2).device.model_copy(update={"lsb": LSB, "full_scale": 2.0, "counter_bits": 8})}
-)
+#: Steps of which half a sample's noise is one, so that every unit's samples show the same noise to the last digit.
+COARSE_LSB = 2e-4
 
 
-def table(units: int = 3, hidden: Any = None, seed: int = 5) -> SampleTable:
+def stepping_by(lsb: float) -> Recipe:
+    return recipe(2).model_copy(
+        update={"device": recipe(2).device.model_copy(update={"lsb": lsb, "full_scale": 2.0, "counter_bits": 8})}
+    )
+
+
+RECIPE, COARSE = stepping_by(LSB), stepping_by(COARSE_LSB)
+
+
+def table(units: int = 3, hidden: Any = None, seed: int = 5, lsb: float = LSB) -> SampleTable:
     """Units on a grid, whose counters run on while they are moved."""
     made, _ = hide(RECIPE, hidden, seed, units=units)
     counter = np.floor(made.time_s * RECIPE.device.rate_hz + 0.25).astype(np.int64) % 256
-    grid = np.round(made.reading / LSB) * LSB
+    grid = np.round(made.reading / lsb) * lsb
     return replace(made, reading=grid, values={**made.values, "counter": counter.astype(float)})
 
 
@@ -46,8 +59,8 @@ def by_unit(made: SampleTable) -> Callable[[], Iterator[SampleTable]]:
     return lambda: (made[made.unit.code == u] for u in range(len(made.unit.names)))
 
 
-def reduced(made: SampleTable) -> PortionedTable:
-    found = reduce_portions(RECIPE, by_unit(made))
+def reduced(made: SampleTable, of: Recipe = RECIPE) -> PortionedTable:
+    found = reduce_portions(of, by_unit(made))
     assert found is not None
     return found
 
@@ -67,19 +80,19 @@ def same(one: Any, two: Any) -> None:
 
 def test_portions_come_to_what_the_whole_table_does() -> None:
     """One visit moves and is left out; one axis of a stop is noisier than all others."""
-    made = table()
+    made = table(lsb=COARSE_LSB)
     moved = (made.unit.code == 1) & (made.run == 0) & (made.visit == 4)
     noisy = (made.unit.code == 2) & (made.run == 1) & (made.visit == 7)
     rng = np.random.default_rng(3)
     shaken = made.reading + moved[:, None] * np.linspace(0, 0.4, len(made))[:, None] * np.array([0.0, 1.0, 0.0])
     shaken[moved, 1] += np.linspace(0, 0.5, int(moved.sum()))
-    shaken[noisy, 2] += LSB * np.round(1e3 * rng.standard_normal(int(noisy.sum())))
+    shaken[noisy, 2] += COARSE_LSB * np.round(50 * rng.standard_normal(int(noisy.sum())))
     made = replace(made, reading=shaken)
-    checked, used = preflight.inspect(RECIPE, made)
-    whole = preflight.with_sheet(RECIPE, checked)
+    checked, used = preflight.inspect(COARSE, made)
+    whole = preflight.with_sheet(COARSE, checked)
     inspected = inspect(whole, used.used())
     assert not inspected.faults and len(checked.left_out) == 1
-    found = reduced(made)
+    found = reduced(made, COARSE)
     same(found.reduced, reduce_samples(whole, inspected.table))
     assert np.any(found.reduced.excess != 1.0)
     assert found.inspection.undetectable == inspected.undetectable
@@ -88,6 +101,17 @@ def test_portions_come_to_what_the_whole_table_does() -> None:
     assert (found.preflight.units, found.preflight.visits) == (checked.units, checked.visits)
     np.testing.assert_array_equal(found.inspection.samples.table.reading, used.reading)
     assert found.inspection.samples.rows == len(used) < len(made)
+    for one, two in zip(found.inspection.samples.dwells(whole), reduce_table(used, whole), strict=True):
+        same(one, two)
+
+
+def test_the_visits_of_a_portion_are_reduced_by_its_own_noise() -> None:
+    """A unit twice as noisy as the others moves no mean of theirs."""
+    made, rng = table(), np.random.default_rng(8)
+    louder = _last(made) * LSB * np.round(7e-4 / LSB * rng.standard_normal((len(made), 3)))
+    found = reduced(replace(made, reading=made.reading + louder)).reduced
+    means = [reduce_samples(RECIPE, portion.used()).mean for portion in by_unit(made)()][:2]
+    np.testing.assert_array_equal(found.mean[: len(found.mean) * 2 // 3], np.concatenate(means))
 
 
 def _places(found: preflight.Preflight) -> list[tuple[str, int, int]]:
@@ -95,10 +119,10 @@ def _places(found: preflight.Preflight) -> list[tuple[str, int, int]]:
 
 
 def test_a_cause_is_the_same_in_portions() -> None:
-    made = table(3, KNOWN["hysteresis"])
-    whole, found = diagnosis_of(RECIPE, made), reduced(made)
+    made = table(3, KNOWN["hysteresis"], lsb=COARSE_LSB)
+    whole, found = diagnosis_of(COARSE, made), reduced(made, COARSE)
     inspected = found.inspection
-    apart = diagnose_reduced(RECIPE, inspected.samples, inspected, found.reduced, Model(), null_of)
+    apart = diagnose_reduced(COARSE, inspected.samples, inspected, found.reduced, Model(), null_of)
     assert [c.finding.name for c in apart.causes] == [c.finding.name for c in whole.causes] == ["hysteresis"]
     assert (apart.verdict, apart.not_testable) == (whole.verdict, whole.not_testable)
     for one, two in zip(_numbers(apart), _numbers(whole), strict=True):
@@ -208,7 +232,7 @@ def test_only_a_large_file_of_one_unit_after_the_other_is_gone_through_in_portio
     assert source("large.parquet", every).portions() is None
 
 
-def test_no_sample_is_held_longer_than_its_portion() -> None:
+def test_each_portion_is_read_once_and_no_sample_is_held_longer() -> None:
     made, held = table(5), list[Any]()
 
     def portions() -> Iterator[SampleTable]:
@@ -219,7 +243,31 @@ def test_no_sample_is_held_longer_than_its_portion() -> None:
             yield portion
 
     assert reduce_portions(RECIPE, portions) is not None
-    assert len(held) == 10 and all(one() is None for one in held[:-1])
+    assert len(held) == 5 and all(one() is None for one in held[:-1])
+
+
+def test_what_adds_up_holds_no_samples() -> None:
+    made, rng = table(4), np.random.default_rng(2)
+    tally, tones = NoiseTally(), ToneSearch(RECIPE.device.rate_hz, 25, in_parts=True)
+
+    def add(after_s: float) -> None:
+        part = replace(made, reading=rng.standard_normal(made.reading.shape), time_s=made.time_s + after_s)
+        visit = visits_scene_of_table(RECIPE, part).visit
+        extent = ToneExtent.of(part, visit)
+        assert extent is not None
+        tally.add(part.reading, visit)
+        tones.add(part, visit, extent)
+
+    tracemalloc.start()
+    try:
+        add(0.0)
+        before = tracemalloc.get_traced_memory()[0]
+        for k in range(1, 6):
+            add(1e5 * k)
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert grown < made.reading.nbytes / 4, (grown, made.reading.nbytes)
 
 
 @given(st.lists(st.lists(st.integers(-3, 3), min_size=2, max_size=30), min_size=1, max_size=6), st.booleans())

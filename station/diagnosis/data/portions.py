@@ -1,8 +1,8 @@
 """A table of very many samples, reduced some units at a time: memory follows the portion and not the table.
 
-Two passes. The first one checks each portion as a whole table is checked, looks for faults and adds up the noise of a
-sample; the second one reduces the visits and adds up the spectrum in which a tone would show, and what the moves leave
-in the dwells. Where anything is out of the ordinary the samples must be seen together, and nothing comes of it: the
+One pass. Each portion is checked as a whole table is checked, looked over for faults, and its visits are reduced by the
+noise of its own samples; the noise of all, the spectrum in which a tone would show, and what the moves leave in the
+dwells add up. Where anything is out of the ordinary the samples must be seen together, and nothing comes of it: the
 table is then read whole.
 """
 
@@ -21,11 +21,12 @@ from station.diagnosis.data.reduce import ReducedPart, ReducedScene, join_parts,
 from station.diagnosis.data.ringing import RingingSearch
 from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
-from station.diagnosis.data.visit_noise import NoiseTally
+from station.diagnosis.data.visit_noise import NoiseTally, sample_noise
 from station.domain.core.joined_tables import join
-from station.domain.core.types import Floats, SampleTable
+from station.domain.core.types import SampleTable
+from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table
 from station.domain.recipe.recipe import Recipe
-from station.errors import SamplesError
+from station.errors import SamplesError, StationError
 from station.model.scene import visits_scene_of_table
 
 Portions = Callable[[], Iterator[SampleTable]]
@@ -43,83 +44,108 @@ class PortionedTable:
     reduced: ReducedScene
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Survey:
-    """What the first pass found: the recipe with its sheet, what the preflight says of each portion, which visits of
-    each are used, noise of a sample (3), and the extent of the record for a tone, None where none can be looked for."""
-
-    recipe: Recipe
-    checked: tuple[Preflight, ...]
-    kept: Kept
-    sigma: Floats
-    extent: ToneExtent | None
-    samples: int
-    columns: frozenset[str]
-
-
 def reduce_portions(recipe: Recipe, portions: Portions) -> PortionedTable | None:
     """The table reduced, of which `portions` makes a new pass in portions of whole units at each call; None where its
     samples must be seen together. The sensor is as the first portion tells."""
-    found = _survey(recipe, portions)
-    if found is None:
+    seen = _Seen(recipe)
+    if not all(seen.takes(table) for table in portions()) or seen.shows_tone_or_ringing:
         return None
-    recipe, parts = found.recipe, list[ReducedPart]()
-    tones = ToneSearch(recipe.device.rate_hz, found.extent) if found.extent and found.extent.shows_tones else None
-    ringing: RingingSearch | None = None
-    for table in _used_portions(portions, found.kept):
-        visit = visits_scene_of_table(recipe, table).visit
-        if tones is not None:
-            tones.add(table, visit)
-        ringing = ringing or RingingSearch.of(recipe, visit)
-        if ringing is not None:
-            ringing.add(table, visit)
-        parts.append(reduce_part(table, visit, found.sigma))
-    if tones is not None and tones.strongest() is not None:
-        return None
-    if ringing is not None and len(ringing.promising(found.sigma)):
-        return None
-    means = join([part.means for part in parts])
-    used = SampleSource(found.samples, means.unit.names, lambda: _used_portions(portions, found.kept))
-    driven = found.extent is not None and found.extent.is_driven
-    hidden = undetectable_faults(recipe, found.columns, found.samples, len(means), driven=driven)
+    sigma, recipe, means = seen.noise.sigma(), seen.recipe, join([part.means for part in seen.parts])
+    kept, rows = tuple(seen.kept), seen.rows
+    dwells = tuple(seen.dwells) if seen.dwells is not None else None
+    used = SampleSource(rows, means.unit.names, lambda: _used_portions(portions, kept), dwells)
+    hidden = undetectable_faults(recipe, seen.columns, rows, len(means), driven=seen.is_driven)
     return PortionedTable(
-        _preflight(recipe, found.checked, means),
+        _preflight(recipe, seen.checked, means),
         recipe,
         Inspection((), used, hidden, as_measured=True),
-        join_parts(recipe, means, parts, found.sigma),
+        join_parts(recipe, means, seen.parts, sigma),
     )
 
 
-def _survey(recipe: Recipe, portions: Portions) -> _Survey | None:
-    """The first pass; None where anything is out of the ordinary."""
-    checked, kept, extents = list[Preflight](), list[NDArray[np.bool_]](), list[ToneExtent | None]()
-    noise, healthy, columns, rows, units = NoiseTally(), None, frozenset[str](), 0, set[str]()
-    for raw in portions():
+class _Seen:
+    """What the portions so far come to: the recipe with its sheet, what the preflight says of each, which visits of
+    each are used, what is left of their samples, and what adds up."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self.recipe, self.columns, self.rows = recipe, frozenset[str](), 0
+        self.checked, self.kept, self.parts = list[Preflight](), list[NDArray[np.bool_]](), list[ReducedPart]()
+        self.dwells: list[UnitDwells] | None = []
+        self.noise = NoiseTally()
+        self._healthy: HealthyUnits | None = None
+        self._ringing: RingingSearch | None = None
+        self._tones: ToneSearch | None = None
+        self._extent: ToneExtent | None = None
+        self._units = set[str]()
+
+    def takes(self, raw: SampleTable) -> bool:
+        """Whether nothing is out of the ordinary in some more units, nor in all so far together."""
         table = preflight.in_order(raw.used())
-        if not units.isdisjoint(table.unit.names):
+        if not self._units.isdisjoint(table.unit.names):
             # The rows of a unit do not stand together: a portion has a part of it.
-            return None
-        units.update(table.unit.names)
+            return False
+        self._units.update(table.unit.names)
         try:
-            found, used = preflight.inspect(recipe, table)
-            if not checked:
-                recipe = preflight.with_sheet(recipe, found)
-                healthy, columns = HealthyUnits(recipe), frozenset(table.values)
-            if healthy is None or not _is_ordinary(recipe, used, found):
-                return None
-            visit = visits_scene_of_table(recipe, used).visit
-            if not healthy.add(used, visit):
-                return None
+            found, used = preflight.inspect(self.recipe, table)
+            if self._healthy is None:
+                self.recipe = preflight.with_sheet(self.recipe, found)
+                self._healthy, self.columns = HealthyUnits(self.recipe), frozenset(table.values)
+            if not _is_ordinary(self.recipe, used, found):
+                return False
+            visit = visits_scene_of_table(self.recipe, used).visit
+            if not self._healthy.add(used, visit):
+                return False
         except SamplesError:
-            return None
-        noise.add(used.reading, visit)
-        extents.append(ToneExtent.of(used, visit))
-        checked.append(found)
-        kept.append(_kept(table, used))
-        rows += len(used)
-    known = [e for e in extents if e is not None]
-    extent = ToneExtent.of_all(known) if known and len(known) == len(extents) else None
-    return _Survey(recipe, tuple(checked), tuple(kept), noise.sigma(), extent, rows, columns)
+            return False
+        self.checked.append(found)
+        self.kept.append(_kept(table, used))
+        return self._reduces(used, visit)
+
+    def _reduces(self, table: SampleTable, visit: NDArray[np.intp]) -> bool:
+        """The same of samples that are used, in visits (n), looked for tones; keeps what is left of them."""
+        self.rows += len(table)
+        self.noise.add(table.reading, visit)
+        self.parts.append(reduce_part(table, visit, sample_noise(table.reading, visit)))
+        self._ringing = self._ringing or RingingSearch.of(self.recipe, visit)
+        if self._ringing is not None:
+            self._ringing.add(table, visit)
+        try:
+            if self.dwells is not None:
+                self.dwells += reduce_table(table, self.recipe)
+        except StationError:
+            # What can be diagnosed need not be such that it can be calibrated.
+            self.dwells = None
+        return self._looks_for_tones(table, visit)
+
+    def _looks_for_tones(self, table: SampleTable, visit: NDArray[np.intp]) -> bool:
+        """Whether the spectra of these samples could be added to those before."""
+        own, before = ToneExtent.of(table, visit), self._extent
+        if own is None:
+            return True
+        self._extent = own if before is None else ToneExtent.of_all([before, own])
+        if not self._extent.shows_tones:
+            return True
+        if self._tones is None:
+            self._tones = ToneSearch(self.recipe.device.rate_hz, own.longest, in_parts=True)
+            if before is not None:
+                # The drive was the same in all before, and their spectra were not taken.
+                return False
+        if not self._tones.covers(own):
+            return False
+        self._tones.add(table, visit, own)
+        return True
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the drive was ever another one."""
+        return self._extent is not None and self._extent.is_driven
+
+    @property
+    def shows_tone_or_ringing(self) -> bool:
+        """Whether all samples together may show any."""
+        if self._tones is not None and self._tones.strongest() is not None:
+            return True
+        return self._ringing is not None and len(self._ringing.promising(self.noise.sigma())) > 0
 
 
 def _is_ordinary(recipe: Recipe, table: SampleTable, found: Preflight) -> bool:

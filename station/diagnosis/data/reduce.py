@@ -93,10 +93,12 @@ def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedPart:
-    """Some whole units of a table, reduced. means: one row a visit (v), values and readings its plain means; since_s
-    (v) mean time since its first sample; count (v, B) and block (v, B, 3) samples and robust mean of each block; late,
-    spread (v, B) mean and deviation of its samples' times about the visit's mean; differences: how noisy each is."""
+    """Some whole units of a table, reduced. sigma (3): noise of a sample of theirs; means: one row a visit (v), values
+    and readings its plain means; since_s (v) mean time since its first sample; count (v, B) and block (v, B, 3) samples
+    and robust mean of each block; late, spread (v, B) mean and deviation of its samples' times about the visit's mean;
+    differences: how noisy each is."""
 
+    sigma: Floats
     means: SampleTable
     since_s: Floats
     count: Floats
@@ -142,6 +144,7 @@ def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edge
     late, spread = _times_of_blocks(table.time_s - means.time_s[visit], cell, count)
     shape = stops, len(edges)
     return ReducedPart(
+        sigma,
         means,
         np.bincount(visit, since, stops) / np.bincount(visit, minlength=stops),
         count.reshape(shape),
@@ -153,12 +156,13 @@ def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edge
 
 
 def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart], sigma: Floats) -> ReducedScene:
-    """The stops of all parts, whose means stand in one table in their order; sigma (3): noise of a sample."""
+    """The stops of all parts, whose means stand in one table in their order; sigma (3): noise of a sample of all."""
     count = np.concatenate([p.count for p in parts])
     mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
     scene = replace(scene_of_table(recipe, means), since_arrival_s=since)
-    differences = VisitDifferences.join([p.differences for p in parts])
+    one = np.where(sigma > 0, sigma, 1.0)
+    differences = [p.differences.beside(np.where(p.sigma > 0, p.sigma, 1.0) / one) for p in parts]
     late, spread = (np.concatenate([getattr(p, name) for p in parts]) for name in ("late", "spread"))
     return ReducedScene(
         scene,
@@ -169,7 +173,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         float(np.sqrt(np.mean(sigma**2))),
         _rate_error(scene),
         axis_noise(sigma, int(count.sum()) - len(count)),
-        differences.excess_variance(),
+        VisitDifferences.join(differences, known=bool(np.all(sigma > 0))).excess_variance(),
     )
 
 

@@ -4,7 +4,7 @@ Noise is taken from differences of neighbours, which slow motion does not reach.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ MEAN_LOG_VARIANCE, FURTHEST = 4.0, 3.0
 NOISIER_BY, DIFFERENT_BY = 4.0, 4.0
 #: Of codes so many standard deviations wide each stop shows another noise by where it lies between two of them.
 COARSE = 1.5
+#: Sizes that a tally tells apart: 1,024 of each power of 2, from 2⁻⁹⁶ to 2³².
+SHARE_BITS, LEAST_SIZE, SIZES = 42, (1023 - 96) << 10, 128 << 10
 #: Fewer differences of a stop show no noise of its own.
 LEAST_DIFFERENCES = 8
 
@@ -36,34 +38,36 @@ def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
 
 
 class NoiseTally:
-    """The noise of a sample of stops that come some after others. Distances of neighbours are counted by their size:
-    readings of a converter have few sizes."""
+    """The noise of a sample of stops that come some after others. Distances of neighbours are counted by their size, to
+    a thousandth of it: memory does not follow how many there are, and sizes of a converter are as they come."""
 
     def __init__(self) -> None:
-        self._sizes: list[Floats] = [np.zeros(0)] * 3
-        self._counts: list[Floats] = [np.zeros(0)] * 3
+        self._counts, self._sums, self._squares = np.zeros((3, SIZES)), np.zeros((3, SIZES)), np.zeros(3)
 
     def add(self, reading: Floats, visit: NDArray[np.intp]) -> None:
         """Readings (n, 3) of more stops (n)."""
-        for axis, column in enumerate(_differences(reading, visit)[0].T):
-            sizes, counts = np.unique(column, return_counts=True)
-            both = np.concatenate([self._sizes[axis], sizes])
-            self._sizes[axis], place = np.unique(both, return_inverse=True)
-            self._counts[axis] = np.bincount(place, np.concatenate([self._counts[axis], counts])).astype(float)
+        near = _differences(reading, visit)[0]
+        for axis in range(3):
+            column = np.ascontiguousarray(near[:, axis])
+            # Leading bits of a number are its size on a scale of equal shares.
+            size = np.clip((column.view(np.int64) >> SHARE_BITS) - LEAST_SIZE, 0, SIZES - 1)
+            self._counts[axis] += np.bincount(size, minlength=SIZES)
+            self._sums[axis] += np.bincount(size, column, SIZES)
+        self._squares += np.sum(near**2, axis=0)
 
     def sigma(self) -> Floats:
-        """What `sample_noise` gives of all stops together (3)."""
-        return np.array([_noise(s, n) for s, n in zip(self._sizes, self._counts, strict=True)])
+        """What `sample_noise` gives of all stops together (3), to a thousandth."""
+        return np.array([_noise(*of) for of in zip(self._counts, self._sums, self._squares, strict=True)])
 
 
-def _noise(sizes: Floats, counts: Floats) -> float:
-    """Noise of a sample from rising distances of neighbours and how many there are of each."""
+def _noise(counts: Floats, sums: Floats, squares: float) -> float:
+    """Noise of a sample from how many distances of neighbours there are of each size, rising, and their sums."""
     up_to, total = np.cumsum(counts), counts.sum()
     if not total:
         return 0.0
-    middle = sizes[np.searchsorted(up_to, [(total - 1) // 2, total // 2], "right")].mean() / MAD_PER_SIGMA
-    robust = middle if middle > 0 else np.sqrt((counts @ sizes**2) / total)
-    return float(robust / np.sqrt(2))
+    middle = np.searchsorted(up_to, [(total - 1) // 2, total // 2], "right")
+    robust = float(np.mean(sums[middle] / counts[middle])) / MAD_PER_SIGMA
+    return float((robust if robust > 0 else np.sqrt(squares / total)) / np.sqrt(2))
 
 
 def axis_noise(sigma: Floats, differences: int) -> Floats:
@@ -91,10 +95,14 @@ class VisitDifferences:
     known: bool
 
     @staticmethod
-    def join(parts: "Sequence[VisitDifferences]") -> "VisitDifferences":
-        """Those of all parts, in their order."""
+    def join(parts: "Sequence[VisitDifferences]", *, known: bool) -> "VisitDifferences":
+        """Those of all parts, in their order; known: whether all axes scatter in any of them."""
         count, square, middle = (np.concatenate([getattr(p, n) for p in parts]) for n in ("count", "square", "middle"))
-        return VisitDifferences(count, square, middle, np.min([p.least for p in parts], axis=0), parts[0].known)
+        return VisitDifferences(count, square, middle, np.min([p.least for p in parts], axis=0), known)
+
+    def beside(self, ratio: Floats) -> "VisitDifferences":
+        """The same in other noises of a sample, of which those that it is in are so many (3)."""
+        return replace(self, square=self.square * ratio**2, middle=self.middle * ratio, least=self.least * ratio)
 
     def excess_variance(self) -> Floats:
         """Noise's square of each stop and axis (v, 3) beside that of all stops; 1 where chance explains it.

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats, Outcome
 from station.domain.evaluation import pipeline
 from station.domain.evaluation.pipeline import CalibrationResult
-from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table
+from station.domain.evaluation.unit_dwells import UnitDwells
 from station.domain.recipe.recipe import Recipe
 from station.errors import StationError
 
@@ -119,16 +118,12 @@ def _results(recipe: Recipe, units: Iterable[UnitDwells], today: str) -> list[Ca
 
 def _measured_and_corrected(d: Diagnosis) -> Iterator[list[UnitDwells]]:
     """The dwells of every unit as they were measured; and with gross faults put right and every new cause taken off."""
-    measured = _dwells(d.recipe, d.samples)
+    measured = d.samples.dwells(d.recipe)
     yield measured
-    corrected = measured if d.inspection.as_measured else _dwells(d.recipe, d.inspection.samples)
+    corrected = measured if d.inspection.as_measured else d.inspection.samples.dwells(d.recipe)
     effect = sum((cause_contribution(d.last, i)[0] for i in new_causes(d)), np.zeros_like(d.last.view.reduced.mean))
     ends = np.cumsum([len(unit) for unit in corrected])[:-1]
     yield [_less(unit, own) for unit, own in zip(corrected, np.split(effect, ends), strict=True)]
-
-
-def _dwells(recipe: Recipe, samples: SampleSource) -> list[UnitDwells]:
-    return [unit for table in samples.portions() for unit in reduce_table(table, recipe)]
 
 
 def _less(unit: UnitDwells, effect: Floats) -> UnitDwells:

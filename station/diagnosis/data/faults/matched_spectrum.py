@@ -2,9 +2,10 @@
 
 A motor that keeps its speed keeps the phase of its tone from dwell to dwell. All samples are then one record with
 gaps, whose spectrum is so much finer than a dwell's as the campaign is longer, and the tone's power adds up in one
-line of it. Where the campaign is longer than one transform, stretches of it add up in power. The record's samples are
-placed on a grid, and its background lies between the frequencies of the dwells' spectrum: what is found here is only
-promising, and judged by `phase_agreement.py` at the samples' own times.
+line of it. Where the campaign is longer than one transform, stretches of it add up in power, and so do the records of
+units that come some after others: none is held longer than its units. A record's samples are placed on a grid, and its
+background lies between the frequencies of the dwells' spectrum: what is found here is only promising, and judged by
+`phase_agreement.py` at the samples' own times.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,58 +27,114 @@ NEAR_LINES = 24
 PROMISING_LINES = 1e-3
 
 
-class MatchedSpectrum:
-    """Adds up weighted samples, and finds the strongest line."""
+class DwellRecord:
+    """Weighted samples of some units on a grid of times, in stretches of one transform each."""
 
-    def __init__(self, rate_hz: float, lowest_hz: float, origin_s: float, end_s: float) -> None:
-        """rate_hz of the samples; lowest_hz below which dwells are filtered; first and last sample of the campaign."""
-        self.rate_hz, self.lowest_hz, self.origin_s = rate_hz, lowest_hz, origin_s
-        self.step_s = 1 / (POINTS_PER_PERIOD * rate_hz)
-        points = int((end_s - origin_s) / self.step_s) + 1
-        self.stretches = -(-points // MAX_POINTS)
-        self.points = scipy.fft.next_fast_len(-(-points // self.stretches), real=True)
+    def __init__(self, step_s: float, begin_s: float, end_s: float, points: Callable[[int], int]) -> None:
+        """step_s of the grid; first and last sample; points: those of a stretch, by how many there are in all."""
+        every = int((end_s - begin_s) / step_s) + 1
+        self.step_s, self.begin_s, self.points = step_s, begin_s, points(every)
+        self._stretches = -(-every // self.points)
+        # Stretches are equally long, and so filled with dwells that all of them tell as much.
+        self._length = min(self.points, _fast_length(-(-every // self._stretches)))
         # Of each stretch where its samples are, and their values.
         self._samples: dict[int, list[tuple[NDArray[np.int32], NDArray[np.float32]]]] = {}
-        self._weight = np.zeros(self.stretches)
+        self._weight = np.zeros(self._stretches)
 
     def add(self, white: Floats, time_s: Floats, motor: Floats, live: NDArray[np.bool_]) -> None:
         """White samples (v, s, 3) at times (v, s), of which some are live (v, s), in dwells of a drive (v)."""
         weight = np.broadcast_to(motor[:, None], live.shape)[live]
-        place = np.round((time_s[live] - self.origin_s) / self.step_s).astype(np.int64)
-        place = np.clip(place, 0, self.stretches * self.points - 1)
-        values = (weight[:, None] * white[live]).astype(np.float32)
-        stretch, here = np.divmod(place, self.points)
-        self._weight += np.bincount(stretch, weight**2, self.stretches)
-        for i in np.unique(stretch).tolist():
+        place = np.round((time_s[live] - self.begin_s) / self.step_s).astype(np.int64)
+        place = np.clip(place, 0, self._stretches * self._length - 1)
+        values = (weight * white[live].T).astype(np.float32)
+        stretch, here = np.divmod(place, self._length)
+        self._weight += np.bincount(stretch, weight**2, self._stretches)
+        for i in range(int(stretch.min(initial=0)), int(stretch.max(initial=-1)) + 1):
             mine = stretch == i
-            self._samples.setdefault(i, []).append((here[mine].astype(np.int32), values[mine]))
+            if mine.any():
+                self._samples.setdefault(i, []).append((here[mine].astype(np.int32), values[:, mine]))
+
+    @property
+    def weight(self) -> Floats:
+        """How much each stretch counts that is used."""
+        return np.asarray(self._weight[self._weight > 0])
+
+    def stretches(self) -> Iterator[NDArray[np.float32]]:
+        """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
+        for i in np.flatnonzero(self._weight > 0).tolist():
+            here, values = (np.concatenate(parts, axis=-1) for parts in zip(*self._samples[i], strict=True))
+            record = np.empty((3, self.points), np.float32)
+            for axis in range(3):
+                record[axis] = np.bincount(here, values[axis], self.points)
+            yield record
+
+
+class MatchedSpectrum:
+    """Adds up how far dwells agree in each line, and finds the strongest."""
+
+    def __init__(self, rate_hz: float, lowest_hz: float, *, in_parts: bool) -> None:
+        """rate_hz of the samples; lowest_hz below which dwells are filtered; in_parts: whether more than one record is
+        to come."""
+        self.rate_hz, self.lowest_hz = rate_hz, lowest_hz
+        self._points_of = _with_room if in_parts else _without_rest
+        self._step_s, self._points, self._stretches = 1 / (POINTS_PER_PERIOD * rate_hz), 0, 0
+        self._frequency: Floats = np.zeros(0)
+        self._found: Floats = np.zeros(0)
+        self._band = slice(0)
+
+    def record(self, begin_s: float, end_s: float) -> DwellRecord:
+        """For samples from one time to another; its lines are those of the first one that was made."""
+        record = DwellRecord(self._step_s, begin_s, end_s, lambda every: self._points or self._points_of(every))
+        if not self._points:
+            self._points = record.points
+            every = np.arange(self._points // 2 + 1) * self.resolution_hz
+            band = np.flatnonzero((every > self.lowest_hz) & (every < 0.5 * self.rate_hz))
+            self._band = slice(band[0], band[-1] + 1) if len(band) else slice(0)
+            self._frequency = np.asarray(every[self._band], float)
+            self._found = np.zeros(len(self._frequency))
+        return record
 
     @property
     def resolution_hz(self) -> float:
         """From one line to the next."""
-        return float(1 / (self.points * self.step_s))
+        return float(1 / (self._points * self._step_s))
 
-    def lines(self, noise: Callable[[Floats], Floats], dwells: float) -> tuple[Floats, float, float] | None:
+    def add(self, record: DwellRecord, noise: Callable[[Floats], Floats], dwells: float) -> None:
+        """A record of whole units. noise: mean power (3, n) of a dwell of theirs at frequencies (n), a tone's own
+        included; dwells: how many count, by their weight."""
+        if not len(self._frequency):
+            return
+        usual, total = np.maximum(noise(self._frequency), 1e-300), float(record.weight.sum())
+        for samples, weight in zip(record.stretches(), record.weight.tolist(), strict=True):
+            counted = dwells * weight / total
+            if counted < LEAST_DWELLS:
+                continue
+            line = scipy.fft.rfft(samples)[:, self._band]
+            share = (line.real**2 + line.imag**2) / (weight * usual)
+            self._found += np.sum(agreement(share / counted, counted), axis=0)
+            self._stretches += 1
+
+    def lines(self) -> tuple[Floats, float, float] | None:
         """Frequencies, Hz, of the strongest lines, among which a tone may be; by how many nats the dwells agree at the
-        first, and how many lines there are; None where chance would show such a line. noise: mean power (n, 3) of a
-        dwell at frequencies (n), a tone's own included; dwells: how many count, by their weight."""
-        used = self._weight > 0
-        frequency = np.arange(self.points // 2 + 1) * self.resolution_hz
-        band = (frequency > self.lowest_hz) & (frequency < 0.5 * self.rate_hz)
-        if not used.any() or not band.any():
+        first, and how many lines there are; None where chance would show such a line."""
+        if not self._stretches:
             return None
-        usual, found = np.maximum(noise(frequency[band]).T, 1e-300), np.zeros(np.count_nonzero(band))
-        for record, weight in zip(self._records(used), self._weight[used], strict=True):
-            share = np.abs(scipy.fft.rfft(record)[:, band]) ** 2 / (weight * usual)
-            counted = max(dwells * weight / self._weight.sum(), LEAST_DWELLS)
-            found += np.sum(agreement(share / counted, counted), axis=0)
-        best, tried = float(found.max()), float(len(found))
-        if chance(best, 3.0 * np.count_nonzero(used)) * tried > PROMISING_LINES:
+        best, tried = float(self._found.max()), float(len(self._found))
+        if chance(best, 3.0 * self._stretches) * tried > PROMISING_LINES:
             return None
-        return np.asarray(frequency[band][np.argsort(found)[-NEAR_LINES:]], float), best, tried
+        return np.asarray(self._frequency[np.argsort(self._found)[-NEAR_LINES:]], float), best, tried
 
-    def _records(self, used: NDArray[np.bool_]) -> Iterator[NDArray[np.float32]]:
-        """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
-        for i in np.flatnonzero(used).tolist():
-            here, values = (np.concatenate(parts) for parts in zip(*self._samples[i], strict=True))
-            yield np.stack([np.bincount(here, column, self.points) for column in values.T]).astype(np.float32)
+
+def _without_rest(every: int) -> int:
+    """Points of a stretch where so many are cut into equal ones."""
+    return _fast_length(-(-every // -(-every // MAX_POINTS)))
+
+
+def _with_room(every: int) -> int:
+    """The same where records to come may be longer than this one."""
+    return min(_fast_length(2 * every), MAX_POINTS)
+
+
+def _fast_length(points: int) -> int:
+    """The next number of points that transforms are fast of."""
+    return int(scipy.fft.next_fast_len(points, real=True))

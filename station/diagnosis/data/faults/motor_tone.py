@@ -36,8 +36,8 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     extent, rate_hz = ToneExtent.of(table, stop), recipe.device.rate_hz
     if extent is None or not extent.shows_tones:
         return []
-    search = ToneSearch(rate_hz, extent)
-    search.add(table, stop)
+    search = ToneSearch(rate_hz, extent.longest)
+    search.add(table, stop, extent)
     line = search.strongest()
     if line is None:
         return []

@@ -79,35 +79,67 @@ class ToneLine:
     resolution_hz: float | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _PowerSums:
+    """Power (f, 3) of stops times their weight, the sum of their weights and that of the squares of these."""
+
+    power: Floats
+    weight: float
+    squares: float
+
+    @staticmethod
+    def none(frequencies: int) -> "_PowerSums":
+        """Of no stop."""
+        return _PowerSums(np.zeros((frequencies, 3)), 0.0, 0.0)
+
+    def __add__(self, more: "_PowerSums") -> "_PowerSums":
+        return _PowerSums(self.power + more.power, self.weight + more.weight, self.squares + more.squares)
+
+    @property
+    def mean(self) -> Floats:
+        """Mean power (f, 3) of a stop."""
+        return np.asarray(self.power / max(self.weight, 1e-300))
+
+    @property
+    def stops(self) -> float:
+        """How many count, by their weight."""
+        return self.weight**2 / max(self.squares, 1e-300)
+
+
 class ToneSearch:
     """Adds up the spectra of units, and finds the strongest line."""
 
-    def __init__(self, rate_hz: float, extent: ToneExtent) -> None:
-        """rate_hz of the samples, and what all of them are."""
-        self.rate_hz, samples = rate_hz, extent.longest
-        self.tried = np.arange(3, OVERSAMPLING * samples // 2) * rate_hz / (OVERSAMPLING * samples)
-        self._matched = MatchedSpectrum(rate_hz, float(self.tried[0]), extent.begin_s, extent.end_s)
-        self._power, self._weight, self._squares = np.zeros((len(self.tried), 3)), 0.0, 0.0
+    def __init__(self, rate_hz: float, longest: int, *, in_parts: bool = False) -> None:
+        """rate_hz of the samples, and how many of them the longest stop of the first units has; in_parts: whether more
+        units are to come after them."""
+        self.rate_hz, self._longest = rate_hz, longest
+        self.tried = np.arange(3, OVERSAMPLING * longest // 2) * rate_hz / (OVERSAMPLING * longest)
+        self._matched = MatchedSpectrum(rate_hz, float(self.tried[0]), in_parts=in_parts)
+        self._sums = _PowerSums.none(len(self.tried))
 
-    def add(self, table: SampleTable, stop: NDArray[np.intp]) -> None:
-        """Whole units of a table whose samples are in stops (n), rising from 0."""
+    def covers(self, extent: ToneExtent) -> bool:
+        """Whether the frequencies tried lie close enough together for the stops of more units."""
+        return extent.longest <= OVERSAMPLING * self._longest
+
+    def add(self, table: SampleTable, stop: NDArray[np.intp], extent: ToneExtent) -> None:
+        """Whole units of a table whose samples are in stops (n), rising from 0, and what they are."""
+        record, own = self._matched.record(extent.begin_s, extent.end_s), _PowerSums.none(len(self.tried))
         starts = np.flatnonzero(np.diff(table.unit.code, prepend=-1))
         part = np.append(starts[np.diff(starts // SAMPLES_AT_ONCE, prepend=-1) > 0], len(stop))
         for first, last in pairwise(part):
             d, _ = white_dwells(table[first:last], stop[first:last] - stop[first], self.rate_hz)
-            self._power += power(d, self.tried)
-            self._matched.add(d.white, d.time_s, d.motor, d.live)
-            weight = d.weight
-            self._weight += float(np.sum(weight))
-            self._squares += float(np.sum(weight**2))
+            own += _PowerSums(power(d, self.tried), float(np.sum(d.weight)), float(np.sum(d.weight**2)))
+            record.add(d.white, d.time_s, d.motor, d.live)
+        self._sums += own
+        # Of all so far: what one portion shows scatters by itself.
+        mean = self._sums.mean
+        self._matched.add(record, lambda frequency_hz: _between(self.tried, mean, frequency_hz), own.stops)
 
     def strongest(self) -> ToneLine | None:
         """The line that stands out the most; None where none does."""
-        mean, tried = self._power / max(self._weight, 1e-300), float(len(self.tried))
-        stops = self._weight**2 / max(self._squares, 1e-300)
-        gains = line_gains(PowerSpectrum(mean, stops))
+        tried, gains = float(len(self.tried)), line_gains(PowerSpectrum(self._sums.mean, self._sums.stops))
         best = int(gains.argmax())
-        coherent = self._matched.lines(lambda frequency_hz: _between(self.tried, mean, frequency_hz), stops)
+        coherent = self._matched.lines()
         significant = gains[best] >= MIN_GAIN_NATS + np.log(tried)
         if coherent is not None and not (significant and gains[best] > coherent[1] - np.log(coherent[2])):
             return ToneLine(*coherent, self._matched.resolution_hz)
@@ -115,8 +147,8 @@ class ToneSearch:
 
 
 def _between(tried_hz: Floats, power: Floats, frequency_hz: Floats) -> Floats:
-    """Powers (f, 3) of some frequencies at others (n): (n, 3)."""
-    return np.stack([np.interp(frequency_hz, tried_hz, column) for column in power.T], axis=1)
+    """Powers (f, 3) of some frequencies at others (n): (3, n)."""
+    return np.stack([np.interp(frequency_hz, tried_hz, column) for column in power.T])
 
 
 def power(d: WhiteDwells, tried: Floats) -> Floats:
