@@ -14,12 +14,13 @@ from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
+from station.domain.recipe.blocks import DwellRule
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import Hidden, World, hide
 from tests.blind.hidden import KNOWN
-from tests.blind.inspection import null_of
-from tests.blind.recipes import recipe
+from tests.blind.inspection import null_of, searched
+from tests.blind.recipes import recipe, six_faces
 
 SEED = int(os.environ.get("SEED", "1"))
 
@@ -38,6 +39,15 @@ def tilts_gone_through_twice() -> Recipe:
     once = recipe(1)
     again = tuple(p.model_copy(update={"name": f"{p.name}-again"}) for p in once.positions)
     return once.model_copy(update={"positions": (*once.positions, *again)})
+
+
+@pytest.mark.parametrize("name", ["bias-drift", "clamp-creep", "warm-up"])
+def test_what_a_slow_cause_does_within_long_dwells_is_no_rest_that_depends_on_their_phase(name: str) -> None:
+    slow = six_faces("listed").model_copy(update={"dwell": DwellRule(time_s=10.0)})
+    table, _ = hide(slow, KNOWN[name], 40 + SEED, units=4, d=150.0)
+    found = searched(slow, table)
+    assert name in {n for f in found.findings for n in (f.name, *f.indistinguishable_from)}
+    assert "dwell-phase" not in found.words
 
 
 def wandering(kept: float, step_g: float) -> Hidden:

@@ -35,6 +35,8 @@ from station.model.scene import Scene, Signal
 MIN_NOISE_RATIO = 0.5
 #: Nothing measures its stimulus to a smaller share; readings that do were computed.
 LEAST_NOISE_SHARE = 1e-7
+#: What goes on within a dwell as it does from one to the next: a long dwell shows it, too.
+CLOCKS = frozenset({"time", "since-power", "since-clamp"})
 #: An axis whose stimulus varies by less than this share of its strength (rms over a unit's stops) shows no gain.
 MIN_GAIN_STIMULUS = 1e-3
 
@@ -77,7 +79,10 @@ class ResidualView:
         """Means (v, 3) and contrasts (v, B−1, 3) as the simulation has them."""
         if any(_varies_in_dwell(acting.effect) for acting in self.active.values()):
             return self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))
-        return forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
+        mean, contrast = forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
+        if any(acting.effect.drawn_over in CLOCKS for acting in self.active.values()):
+            contrast = self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))[1]
+        return mean, contrast
 
     def simulates_nearly(self, other: "ResidualView", share: float) -> bool:
         """Whether two views of the same stops simulate the same readings, to a share of the stimulus."""
