@@ -14,7 +14,8 @@ from station.diagnosis.discovery.discover import FoundTerm, _group_terms, discov
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
-from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise
+from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise, prior_chances
+from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
@@ -171,6 +172,15 @@ def test_a_wave_that_only_follows_a_square_one_leaves_no_noise(edges: bool) -> N
     fit = fit_term(waves, TermSpaces(problem, problem.fit().floor).of(waves))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
     assert is_noise(known, [waves]) != edges
+
+
+def test_what_changes_within_the_dwells_is_nothing_known_beforehand() -> None:
+    table, _ = hide(recipe(), None, 36)
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    units, floor = scanned_units(problem, 4), problem.fit().floor
+    still, moving = (units.setting.space(floor, moving=moving) for moving in (False, True))
+    assert moving.dwell > 0
+    assert [*prior_chances(units, moving)] == [*prior_chances(units, still)]
 
 
 @pytest.mark.parametrize("hidden", [False, True])

@@ -99,7 +99,9 @@ def prior_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
     must not follow a law by bending its covariate."""
     grid = units.setting.layout.grid
     _, R, V = grid.slot.shape
-    rows = R * V * grid.k + np.flatnonzero(space.live[:, R * V * grid.k :].any(axis=0))
+    # What changes within the dwells stands between the visits' means and what is known beforehand.
+    first = R * V * grid.k + space.dwell
+    rows = first + np.flatnonzero(space.live[:, first:].any(axis=0))
     if len(rows):
         priors = np.zeros((*space.live.shape, len(rows)))
         priors[:, rows, np.arange(len(rows))] = space.live[:, rows]
