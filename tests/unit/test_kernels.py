@@ -9,7 +9,7 @@ import pytest
 
 from station.diagnosis.candidates.kernels import kernel_candidates
 from station.diagnosis.candidates.rival_laws import rival_laws
-from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.reduce import mean_and_contrasts, reduce_samples
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.domain.core.types import Floats
@@ -126,6 +126,55 @@ def _stairs_of_a_compensation(view: ResidualView, rng: np.random.Generator) -> F
     return np.asarray((3.3 * (T - T.min()) / np.ptp(T) % 1.0)[:, None] * rng.standard_normal(3))
 
 
+def _steps(view: ResidualView) -> Floats:
+    a, previous = resting_stimulus(view.scene), view.scene.visits.previous
+    return np.asarray(np.where(previous[:, None] >= 0, a[previous] - a, 0.0))
+
+
+def _came_from_above(view: ResidualView, rng: np.random.Generator) -> Floats:
+    step = _steps(view)[:, 2]
+    return np.asarray(((step > 1e-9) * 1.0 - (step < -1e-9))[:, None] * rng.standard_normal(3))
+
+
+def _angles(view: ResidualView) -> Floats:
+    R, previous = view.scene.visits.nest_R, view.scene.visits.previous
+    cosine = (np.einsum("vij,vij->v", R, R[previous]) - 1) / 2
+    return np.asarray(np.where(previous >= 0, np.arccos(np.clip(cosine, -1, 1)), 0.0))
+
+
+def _square_of_the_angle(view: ResidualView, rng: np.random.Generator) -> Floats:
+    return np.asarray(_angles(view)[:, None] ** 2 * rng.standard_normal(3))
+
+
+def _one_nest_drags(view: ResidualView, rng: np.random.Generator) -> Floats:
+    return np.asarray(_angles(view)[:, None] * rng.standard_normal((2, 3))[view.scene.group("nest")[0]])
+
+
+def _every_third_pallet(view: ResidualView, rng: np.random.Generator) -> Floats:
+    return np.asarray((view.scene.visits.visit % 3 == 1)[:, None] * rng.standard_normal(3))
+
+
+def _turned_by_a_torque(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = resting_stimulus(view.scene)
+    return np.asarray(np.cross(a + _steps(view), a) * rng.standard_normal(3))
+
+
+def _gain_by_the_others(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = resting_stimulus(view.scene)
+    return np.asarray(a * np.roll(a, 2, axis=1) ** 2 * rng.standard_normal(3))
+
+
+def _product_of_two_squares(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = resting_stimulus(view.scene) ** 2
+    return np.asarray(a * np.roll(a, 1, axis=1) * rng.standard_normal(3))
+
+
+def _switch_of_the_temperature(view: ResidualView, rng: np.random.Generator) -> Floats:
+    T = view.scene.temperature_degC
+    assert T is not None
+    return np.asarray((np.quantile(T, 0.62) < T)[:, None] * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
@@ -143,6 +192,14 @@ def _stairs_of_a_compensation(view: ResidualView, rng: np.random.Generator) -> F
         (_motor_before, "motor", 6, 1e-9),
         (_each_nest_sags, "position", 144, 1e-3),
         (_seated_anew, "unit", 18, 1e-3),
+        (_came_from_above, "order", 9, 1e-9),
+        (_square_of_the_angle, "order", 3, 1e-6),
+        (_one_nest_drags, "order", 6, 1e-6),
+        (_every_third_pallet, "order", 6, 1e-9),
+        (_turned_by_a_torque, "order*input", 3, 1e-9),
+        (_gain_by_the_others, "input", 6, 1e-9),
+        (_product_of_two_squares, "input", 9, 1e-9),
+        (_switch_of_the_temperature, "temperature/place", 3, 0.2),
     ],
 )
 def test_a_law_is_followed_in_few_numbers_under_its_own_words(
@@ -155,6 +212,25 @@ def test_a_law_is_followed_in_few_numbers_under_its_own_words(
         if columns.shape[2] <= numbers
     ]
     assert min(shares) < left
+
+
+@pytest.mark.parametrize("by", ["temperature_degC", "motor"])
+def test_what_fades_in_the_dwells_and_follows_a_course_is_one_number_an_axis(
+    by: str, view: ResidualView, rng: np.random.Generator
+) -> None:
+    count, course = view.reduced.count, getattr(view.scene, by)
+    middle = (np.cumsum(count, axis=1) - count / 2) / count.sum(1, keepdims=True)
+    size = (course - (course.min() + course.max()) / 2 if by == "temperature_degC" else course)[:, None]
+    felt = _steps(view) if by == "temperature_degC" else np.ones((len(size), 3))
+    rows = np.exp(-middle / 0.3)[:, :, None] * (size * felt * rng.standard_normal(3))[:, None]
+    readings = mean_and_contrasts(rows, count)[1].reshape(len(size), -1)
+    kernels = [c for c in kernel_candidates(view) if c.name == "dwell-phase/fading" and c.of == "common"]
+    shares = []
+    for dwell in (c.dwell for c in kernels if c.dwell is not None and c.stop.shape[2] == 3):
+        columns = dwell.reshape(readings.size, 3)
+        rest = readings.ravel() - columns @ np.linalg.lstsq(columns, readings.ravel(), rcond=None)[0]
+        shares.append(float(rest @ rest) / float(np.sum(readings**2)))
+    assert min(shares) < 0.1
 
 
 def test_heat_that_rises_through_the_part_is_followed(view: ResidualView, rng: np.random.Generator) -> None:

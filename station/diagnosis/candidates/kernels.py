@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.dwell_kernels import dwell_kernels
 from station.diagnosis.candidates.kernel_columns import (
     each_axis,
     grouped_kernel,
@@ -27,7 +28,6 @@ from station.diagnosis.candidates.kernel_columns import (
 )
 from station.diagnosis.candidates.motion_kernels import motion_kernels
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
-from station.diagnosis.data.reduce import mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
 from station.model.effect import Effect
@@ -53,9 +53,9 @@ KERNEL_NAMES = (
     *("*".join(pair) for pair in combinations(FACTORS, 2)),
     "time/ripple",
     "temperature/ripple",
+    "temperature/place",
+    "dwell-phase/fading",
 )
-#: The kernel of what changes within the dwells.
-MOVING_KERNEL = "dwell-phase"
 #: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
 LAG, PLAY = 0.3, 0.4
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
@@ -67,6 +67,10 @@ INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
 #: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
 #: wave.
 SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
+#: Where among the temperatures something may switch, or be alone, and over what share of their range.
+SWITCH_QUANTILES, BUMP_QUANTILES, BUMP_SHARE = (0.2, 0.35, 0.5, 0.65, 0.8), (0.25, 0.4, 0.55, 0.7), 0.12
+#: Pallets of a carousel that come by turns.
+PALLETS = 3
 #: From one ripple to the next faster one, waves in a run; visits of the longest run of which they are looked for.
 RIPPLE_STEP, MOST_RIPPLED = 0.8, 64
 
@@ -74,7 +78,7 @@ RIPPLE_STEP, MOST_RIPPLED = 0.8, 64
 def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
     still = (_time, _ripple, _order, _position, _temperature, _input, _unit, _group, _motor, _products, _swinging_gain)
-    makers = (*still, motion_kernels, _heated_by_pose, _changing_rig, _phase)
+    makers = (*still, motion_kernels, _heated_by_pose, _changing_rig, dwell_kernels)
     return [candidate for make in makers for candidate in make(view)]
 
 
@@ -160,8 +164,8 @@ def _ripple(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _order(view: ResidualView) -> Iterator[Candidate]:
-    """Every second stop, the step from the one before on any axis, the length of the move, what each axis felt before
-    that, and the position before."""
+    """Every second or third stop, the step from the one before on any axis and its sign, the length of the move, what
+    each axis felt before that, and the position before."""
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = resting_stimulus(view.scene, view.active)
@@ -170,11 +174,15 @@ def _order(view: ResidualView) -> Iterator[Candidate]:
     earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
     turned = StopColumns.of(own_axis(a) * turn)
     pulled = StopColumns.of(each_axis(np.einsum("vi,vj->vij", steps_before(view, a), a).reshape(len(a), 9)))
+    # About which axis a torque turned the part, and whether each axis came from above.
+    torque = StopColumns.of(own_axis(np.cross(steps_before(view, a), a)))
+    way = each_axis(np.sign(np.round(steps_before(view, a), 6)))
     length = np.linalg.norm(steps_before(view, a), axis=1)[:, None]
-    alone = [StopColumns.of(x) for x in (turn, step, each_axis(length), each_axis(length**2), earlier)]
+    pallets = each_axis((visits.visit % PALLETS)[:, None] == np.arange(PALLETS - 1))
+    alone = [StopColumns.of(x) for x in (turn, step, each_axis(length), each_axis(length**2), earlier, way, pallets)]
     for of in levels_that_differ(view, "unit", "common"):
         yield from (kernel("order", of, view, columns) for columns in alone)
-        yield from (kernel("order*input", of, view, columns) for columns in (turned, pulled))
+        yield from (kernel("order*input", of, view, columns) for columns in (turned, pulled, torque))
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
     yield grouped_kernel("order", "previous", before.astype(np.int32), names, _ones(view))
@@ -213,6 +221,7 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
         yield from kernels_at(
             view, "temperature/ripple", each_axis(np.stack([np.cos(wave), np.sin(wave)], axis=1)), "unit", "common"
         )
+    yield from _temperature_places(T, view)
     memory = TemperatureMemory.of(view.scene)
     if memory is not None:
         # What lags behind it, or is on another branch while it rises.
@@ -221,6 +230,14 @@ def _temperature(view: ResidualView) -> Iterator[Candidate]:
         columns = StopColumns.of(each_axis(functions))
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel("temperature", of, view, columns)
+
+
+def _temperature_places(T: Floats, view: ResidualView) -> Iterator[Candidate]:
+    """What switches at a temperature, or is there near one alone: of one number an axis, where a curve has many."""
+    switches = [(np.quantile(T, q) < T).astype(float) for q in SWITCH_QUANTILES]
+    bumps = [np.exp(-0.5 * ((T - np.quantile(T, q)) / (BUMP_SHARE * np.ptp(T))) ** 2) for q in BUMP_QUANTILES]
+    for x in (*switches, *bumps):
+        yield from kernels_at(view, "temperature/place", each_axis(x[:, None]), "unit", "common")
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
@@ -232,38 +249,17 @@ def _input(view: ResidualView) -> Iterator[Candidate]:
     products = each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
     waves = [np.concatenate([own_axis(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2) for m in INPUT_WAVES]
     squares, triple = products[:, :, _of_degree(powers, 2)], each_axis(np.prod(a, axis=1)[:, None])
-    for columns in (products, squares, triple, _products_of_axes(a)[0], *waves):
+    others = [np.roll(a, places, axis=1) ** 2 for places in (1, 2)]
+    # A gain by the size of the others, and products of two squares.
+    gains = np.concatenate([own_axis(a * x) for x in others], axis=2)
+    quartic = np.concatenate([own_axis(x) for x in (a**2 * others[0], a**2 * others[1], others[0] * others[1])], axis=2)
+    for columns in (products, squares, triple, _products_of_axes(a)[0], gains, quartic, *waves):
         yield from kernels_at(view, "input", columns, "unit", "common")
 
 
 def _of_degree(powers: Sequence[tuple[int, ...]], degree: int) -> NDArray[np.intp]:
     """Which of the columns of each axis are products of so many components."""
     return np.flatnonzero([len(p) == degree for p in powers for _ in range(3)])
-
-
-def _phase(view: ResidualView) -> Iterator[Candidate]:
-    """Any course within the dwell: the same at each stop, following the last move, the input, or what is slow."""
-    r = view.reduced
-    if r.contrast.shape[1] == 0 or not np.any(r.count[:, 1:]):
-        return
-    blocks = np.arange(r.count.shape[1])
-    pulse = (blocks[:, None] == blocks[:-1]).astype(float)
-    a = resting_stimulus(view.scene, view.active)
-    step = steps_before(view, a)
-    slow = (np.repeat(x, 3, axis=1) for x in _slow_courses(view))
-    for size in (np.ones_like(a), step, a, *slow):
-        rows = np.einsum("bp,vi,ij->vbipj", pulse, size, np.eye(3)).reshape(len(a), len(blocks), 3, -1)
-        columns = StopColumns.of(*mean_and_contrasts(rows, r.count))
-        for of in levels_that_differ(view, "unit", "common"):
-            yield kernel(MOVING_KERNEL, of, view, columns)
-
-
-def _slow_courses(view: ResidualView) -> Iterator[Floats]:
-    """Time and temperature (v, 1) from -1 to 1, as far as they vary."""
-    T = view.scene.temperature_degC
-    for x in (view.scene.time_s, None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T):
-        if x is not None and np.ptp(x) > 0:
-            yield scaled(x)[:, None]
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:

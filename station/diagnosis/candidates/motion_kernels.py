@@ -14,10 +14,13 @@ from station.diagnosis.data.residuals import ResidualView
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.model.effects.base_tilt import BaseTilt
+from station.model.effects.nest_tilt import NestTilt
 from station.model.forward import resting_stimulus
 
 #: Shares of what one visit left that the next one keeps: of what was felt, of a long move, of what the motors did.
 FELT_KEPT, MOVE_KEPT, MOTOR_KEPT = (0.5, 0.8), 0.6, (0.0, 0.75)
+#: A move is long from this share of the longest.
+LONG_MOVE = 0.8
 #: A turn about an axis below this is none, rad.
 LEAST_TURN = 1e-6
 
@@ -30,23 +33,34 @@ def motion_kernels(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _turns(view: ResidualView) -> Iterator[Candidate]:
-    """Which way the rig turned about its axes, whether that is another way than before, and how far it is wound up."""
+    """Which way the rig turned about its axes, whether that is another way than before, how far, and how far it is
+    wound up; and how base and nests lean by it."""
     if not view.scene.recipe.pose_known:
         return
     turn = turns_of(view)
-    way = np.sign(turn) * (np.abs(turn) > LEAST_TURN)
-    for functions in (way, _reversals(way, view), _wound_up(turn, view)):
+    way, wound = way_of(turn), _wound_up(turn, view)
+    for functions in (way, _reversals(way, view), wound):
         if np.any(functions):
             yield from kernels_at(view, "order", each_axis(functions), "unit", "common")
-    tilt = view.signature(BaseTilt.example(), "common")[0]
-    leaning = np.einsum("via,vk->viak", tilt, way).reshape(len(way), 3, -1)
-    yield from kernels_at(view, "order", leaning, "common")
+    # How far it turned: a cable in one nest drags as in no other.
+    angle = np.linalg.norm(turn, axis=1)[:, None]
+    yield from kernels_at(view, "order", each_axis(angle), "unit", "nest", "common")
+    yield from kernels_at(view, "order", each_axis(angle**2), "unit", "common")
+    base, nest = (view.signature(cause.example(), "common")[0] for cause in (BaseTilt, NestTilt))
+    for tilt, functions, levels in ((base, way, ()), (base, wound, ()), (nest, way, ("nest",))):
+        leaning = np.einsum("via,vk->viak", tilt, functions).reshape(len(way), 3, -1)
+        yield from kernels_at(view, "order", leaning, *levels, "common")
 
 
 def turns_of(view: ResidualView) -> Floats:
     """Rotation vectors (v, 3), rad, of the moves in the station's frame; zero at the first visit of a run."""
     R, previous = view.scene.visits.nest_R, view.scene.visits.previous
     return np.where(previous[:, None] >= 0, rotation.to_vector(R @ R[previous].transpose(0, 2, 1)), 0.0)
+
+
+def way_of(turn: Floats) -> Floats:
+    """The signs of turns about each axis, zero where there is none."""
+    return np.asarray(np.sign(turn) * (np.abs(turn) > LEAST_TURN))
 
 
 def _reversals(way: Floats, view: ResidualView) -> Floats:
@@ -65,13 +79,14 @@ def _wound_up(turn: Floats, view: ResidualView) -> Floats:
 
 
 def _memories(view: ResidualView) -> Iterator[Candidate]:
-    """What each axis felt at the visits before, and how far they were, the later the more."""
+    """What each axis felt at the visits before, how far they were, and whether they were far, the later the more."""
     a, previous = resting_stimulus(view.scene, view.active), view.scene.visits.previous
     came = steps_before(view, a)
     felt = [own_axis(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
     yield from kernels_at(view, "order", np.concatenate(felt, axis=2), "unit", "common")
     length = np.linalg.norm(came, axis=1)[:, None]
-    yield from kernels_at(view, "order", each_axis(remembered(length, view, MOVE_KEPT)), "unit", "common")
+    for moved in (length, (length > LONG_MOVE * length.max(initial=0.0)).astype(float)):
+        yield from kernels_at(view, "order", each_axis(remembered(moved, view, MOVE_KEPT)), "unit", "common")
 
 
 def _motor_before(view: ResidualView) -> Iterator[Candidate]:

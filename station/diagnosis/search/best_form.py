@@ -1,7 +1,8 @@
 """The form of each promising cause at its best: its time constant, its frequency, its time of a jump."""
 
 from station.diagnosis.candidates.bank import Candidate, build_bank
-from station.diagnosis.candidates.kernels import KERNEL_NAMES, MOVING_KERNEL
+from station.diagnosis.candidates.dwell_kernels import MOVING_KERNEL
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.candidates.shape import (
     evidence_of,
     has_jump,

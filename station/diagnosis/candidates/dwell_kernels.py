@@ -1,0 +1,72 @@
+"""Kernels of what changes within the dwells: any course from block to block, or what fades after each arrival."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import Candidate
+from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.kernel_columns import (
+    each_axis,
+    kernel,
+    levels_that_differ,
+    own_axis,
+    scaled,
+    steps_before,
+)
+from station.diagnosis.candidates.motion_kernels import turns_of, way_of
+from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE
+from station.diagnosis.data.reduce import mean_and_contrasts
+from station.diagnosis.data.residuals import ResidualView
+from station.domain.core.types import Floats
+from station.model.forward import resting_stimulus
+
+#: The kernel of what changes within the dwells.
+MOVING_KERNEL = "dwell-phase"
+#: That of one course, and the share of a dwell after which a third of it is left.
+FADING_KERNEL, FADE_SHARE = "dwell-phase/fading", 0.25
+
+
+def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
+    """Any course within the dwell: the same at each stop, following the last move, the input, what is slow, or the
+    drive; and what fades, of a size that follows one of these, two of them together, or the way of the move."""
+    count = view.reduced.count
+    if view.reduced.contrast.shape[1] == 0 or not np.any(count[:, 1:]):
+        return
+    a = resting_stimulus(view.scene, view.active)
+    step = steps_before(view, a)
+    slow, driven = list(_slow_courses(view)), list(_driven_courses(view))
+    sizes = np.ones_like(a), step, a, *(np.repeat(x, 3, axis=1) for x in (*slow, *driven))
+    blocks = np.arange(count.shape[1])
+    yield from _kernels(MOVING_KERNEL, (blocks[:, None] == blocks[:-1]).astype(float), map(own_axis, sizes), view)
+    fading = [*map(each_axis, (*slow, *driven)), *(own_axis(step * x) for x in slow)]
+    if view.scene.recipe.pose_known:
+        fading.append(each_axis(way_of(turns_of(view))))
+    middle = np.mean((np.cumsum(count, axis=1) - count / 2) / count.sum(1, keepdims=True), axis=0)
+    yield from _kernels(FADING_KERNEL, np.exp(-middle / FADE_SHARE)[:, None], fading, view)
+
+
+def _kernels(name: str, courses: Floats, sizes: Iterable[Floats], view: ResidualView) -> Iterator[Candidate]:
+    """Courses (blocks, c) of sizes (v, 3, f) each."""
+    for size in sizes:
+        rows = np.einsum("bp,vif->vbipf", courses, size).reshape(len(size), len(courses), 3, -1)
+        columns = StopColumns.of(*mean_and_contrasts(rows, view.reduced.count))
+        for of in levels_that_differ(view, "unit", "common"):
+            yield kernel(name, of, view, columns)
+
+
+def _slow_courses(view: ResidualView) -> Iterator[Floats]:
+    """Time and temperature (v, 1) from -1 to 1, as far as they vary."""
+    T = view.scene.temperature_degC
+    for x in (view.scene.time_s, None if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE else T):
+        if x is not None and np.ptp(x) > 0:
+            yield scaled(x)[:, None]
+
+
+def _driven_courses(view: ResidualView) -> Iterator[Floats]:
+    """The motors' drive, and how far they turned (v, 1), as far as known."""
+    motor = view.scene.motor
+    if motor is not None and np.ptp(motor) > 0:
+        yield motor[:, None]
+    if view.scene.recipe.pose_known:
+        yield np.linalg.norm(turns_of(view), axis=1)[:, None]
