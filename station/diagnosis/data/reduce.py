@@ -139,7 +139,7 @@ def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edge
     cell = visit * len(edges) + block
     count = np.bincount(cell, minlength=stops * len(edges)).astype(float)
     reading = clip_outliers(table.reading, visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
-    found = huber_means(reading, table.time_s, cell, count, np.where(sigma > 0, sigma, np.inf), len(edges))
+    found = huber_means(reading, table.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
     means = visit_means(table, visit)
     late, spread = _times_of_blocks(table.time_s - means.time_s[visit], cell, count)
     shape = stops, len(edges)
@@ -160,7 +160,8 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
     count = np.concatenate([p.count for p in parts])
     mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
-    scene = replace(scene_of_table(recipe, means), since_arrival_s=since)
+    scene, rate_error = _scene(recipe, means)
+    scene = replace(scene, since_arrival_s=since)
     one = np.where(sigma > 0, sigma, 1.0)
     differences = [p.differences.beside(np.where(p.sigma > 0, p.sigma, 1.0) / one) for p in parts]
     late, spread = (np.concatenate([getattr(p, name) for p in parts]) for name in ("late", "spread"))
@@ -171,7 +172,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         contrast,
         count,
         float(np.sqrt(np.mean(sigma**2))),
-        _rate_error(scene),
+        rate_error,
         axis_noise(sigma, int(count.sum()) - len(count)),
         VisitDifferences.join(differences, known=bool(np.all(sigma > 0))).excess_variance(),
     )
@@ -197,11 +198,16 @@ def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
     )
 
 
-def _rate_error(scene: Scene) -> Floats | None:
-    """What is not known of the rate of temperature at the stops (v, modes)."""
-    if scene.temperature_degC is None:
-        return None
-    return np.concatenate([s.modes for s in fit_temperature_slopes(scene.time_s, scene.temperature_degC, scene.visits)])
+def _scene(recipe: Recipe, means: SampleTable) -> tuple[Scene, Floats | None]:
+    """The scene of stops (v), one row each, and what is not known of the rate of temperature there (v, modes)."""
+    warm = means.values.get("temperature_degC")
+    others = {name: values for name, values in means.values.items() if name != "temperature_degC"}
+    scene = scene_of_table(recipe, replace(means, values=others))
+    if warm is None:
+        return scene, None
+    slopes = fit_temperature_slopes(scene.time_s, warm, scene.visits)
+    rate = np.concatenate([s.slope for s in slopes])
+    return replace(scene, temperature_degC=warm, temperature_rate=rate), np.concatenate([s.modes for s in slopes])
 
 
 def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
@@ -223,58 +229,51 @@ def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: N
     return winsorised
 
 
-def huber_means(
-    values: Floats,
-    time_s: Floats,
-    cell: NDArray[np.intp],
-    count: Floats,
-    scale: Floats,
-    blocks: int = len(BLOCK_EDGES),
-) -> Floats:
-    """Huber's location (cells, k) of values (n, k) in each cell, so many of a stop, at the mean time of its samples.
+def huber_means(values: Floats, time_s: Floats, cell: NDArray[np.intp], count: Floats, scale: Floats) -> Floats:
+    """Huber's location (cells, k) of values (n, k) in each cell (n), of `count` (cells) rows, at the mean time of its
+    samples; 0 where there is none.
 
     A straight line in time is taken off first, and a cell that spreads wider than scale (k) is clipped wider: what
     moves within a block is not an outlier.
     """
-    filled = np.maximum(count, 1.0)
-    late = time_s - (np.bincount(cell, time_s, len(count)) / filled)[cell]
-    room = np.maximum(np.bincount(cell, late**2, len(count)), 1e-300)
-    mean = np.empty((len(count), values.shape[1]))
-    for rows, cells in _portions(cell, len(count), blocks):
-        of, weights = cell[rows] - cells.start, (filled[cells], room[cells])
+    mean = np.zeros((len(count), values.shape[1]))
+    if np.any(np.diff(cell) < 0):
+        order = np.argsort(cell, kind="stable")
+        values, time_s, cell = values[order], time_s[order], cell[order]
+    begin = np.flatnonzero(np.diff(cell, prepend=-1))
+    filled = cell[begin]
+    for rows, cells in _portions(begin, len(cell)):
+        first = begin[cells] - rows.start
+        number = np.diff(np.append(first, rows.stop - rows.start))
+        late = time_s[rows] - np.repeat(np.add.reduceat(time_s[rows], first) / number, number)
         for axis, column in enumerate(values[rows].T):
-            mean[cells, axis] = _huber_mean(np.ascontiguousarray(column), late[rows], of, weights, float(scale[axis]))
+            found = _huber_mean(np.ascontiguousarray(column), late, (first, number), float(scale[axis]))
+            mean[filled[cells], axis] = found
     return mean
 
 
-def _huber_mean(
-    values: Floats, late: Floats, cell: NDArray[np.intp], weights: tuple[Floats, Floats], scale: float
-) -> Floats:
-    """The same (cells) of one axis (n) of a portion; weights (cells): how many samples, and Σ of their late².
+def _huber_mean(values: Floats, late: Floats, cells: tuple[NDArray[np.intp], NDArray[np.intp]], scale: float) -> Floats:
+    """The same (c) of one axis (n) of a portion; cells: first row of each (c), and how many it has (c).
 
     As many rounds for all cells, so that none depends on which others are looked at."""
-    filled, room = weights
-    mean, slope = np.bincount(cell, values, len(filled)) / filled, np.zeros(len(filled))
+    first, number = cells
+    room = np.maximum(np.add.reduceat(late**2, first), 1e-300)
+    mean, slope = np.add.reduceat(values, first) / number, np.zeros(len(first))
     for _ in range(HUBER_ROUNDS):
-        off = values - mean.take(cell) - slope.take(cell) * late
-        spread = np.bincount(cell, np.abs(off), len(filled)) / filled
-        widest = (HUBER_K * np.maximum(scale, 1.2533 * spread)).take(cell)
-        off = np.clip(off, -widest, widest)
-        mean = mean + np.bincount(cell, off, len(filled)) / filled
-        slope = slope + np.bincount(cell, off * late, len(filled)) / room
+        off = values - np.repeat(mean, number) - np.repeat(slope, number) * late
+        spread = np.add.reduceat(np.abs(off), first) / number
+        widest = np.repeat(HUBER_K * np.maximum(scale, 1.2533 * spread), number)
+        off = np.minimum(np.maximum(off, -widest), widest)
+        mean = mean + np.add.reduceat(off, first) / number
+        slope = slope + np.add.reduceat(off * late, first) / room
     return mean
 
 
-def _portions(cell: NDArray[np.intp], cells: int, blocks: int) -> list[tuple[slice, slice]]:
-    """Rows and cells of whole stops that are small enough for a processor's cache; one portion of all rows where those
-    of a stop do not stand together."""
-    stop = cell // blocks
-    begins = np.flatnonzero(np.diff(stop, prepend=-1))
-    if np.any(np.diff(stop[begins]) < 0):
-        return [(slice(0, len(cell)), slice(0, cells))]
-    begins = begins[np.diff(begins // SAMPLES_AT_ONCE, prepend=-1) > 0]
-    rows, first = [*begins.tolist(), len(cell)], [0, *(stop[begins[1:]] * blocks).tolist(), cells]
-    return [(slice(*r), slice(*c)) for r, c in zip(pairwise(rows), pairwise(first), strict=True)]
+def _portions(begin: NDArray[np.intp], rows: int) -> list[tuple[slice, slice]]:
+    """Rows and cells of whole cells, which begin (c) at these of so many rows, small enough for a processor's cache."""
+    first = np.flatnonzero(np.diff(begin // SAMPLES_AT_ONCE, prepend=-1))
+    ends = zip(pairwise([*begin[first].tolist(), rows]), pairwise([*first.tolist(), len(begin)]), strict=True)
+    return [(slice(*r), slice(*c)) for r, c in ends]
 
 
 def _first_and_length(time_s: Floats, visit: NDArray[np.intp], stops: int) -> tuple[Floats, Floats]:

@@ -98,8 +98,8 @@ def _steps(recipe: Recipe, table: SampleTable, begins: Rows, period: float) -> R
     end = np.append(begins[1:], len(table))
     size = np.linalg.norm(np.add.reduceat(table.reading, begins, axis=0), axis=1) / (end - begins)
     most = MAX_STEP * float(size.max()) if len(recipe.positions) != 1 else np.inf
-    found = list[int]()
-    for first, last in zip(begins.tolist(), end.tolist(), strict=True):
+    found, long = list[int](), end - begins >= mean_steps.least_rows(period)
+    for first, last in zip(begins[long].tolist(), end[long].tolist(), strict=True):
         own = table.reading[first:last]
         rows = mean_steps.find(own, period)
         ends = zip([0, *rows], [*rows, len(own)], strict=True)

@@ -22,7 +22,7 @@ MOST_CODES = 1.5
 
 def find(reading: Floats, period_s: float) -> list[int]:
     """Rows, rising, at which the mean of readings (n, 3) of one rest, period_s apart, steps: the first row after."""
-    least = max(LEAST_READINGS, round(LEAST_S / period_s)) if period_s > 0 else LEAST_READINGS
+    least = _least_window(period_s)
     found, pending = list[int](), [(0, len(reading))]
     while pending:
         begin, end = pending.pop()
@@ -31,6 +31,15 @@ def find(reading: Floats, period_s: float) -> list[int]:
             found.append(begin + row)
             pending += [(begin, begin + row), (begin + row, end)]
     return sorted(found)
+
+
+def least_rows(period_s: float) -> int:
+    """How many readings, period_s apart, a rest has at the least in which a step shows."""
+    return LEAST_WINDOWS * _least_window(period_s)
+
+
+def _least_window(period_s: float) -> int:
+    return max(LEAST_READINGS, round(LEAST_S / period_s)) if period_s > 0 else LEAST_READINGS
 
 
 def _clearest(reading: Floats, least: int) -> int | None:

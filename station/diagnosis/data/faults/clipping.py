@@ -46,7 +46,10 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     """Each axis' extremes (2, 3) at which its readings stand still while they show noise elsewhere."""
     extremes = np.stack([reading.min(axis=0), reading.max(axis=0)])
     count = np.bincount(where)[:, None]
-    share = np.stack([_share(_stands(reading, one), where) for one in _one_sided(extremes)])
+    stands = [_stands(reading, one) for one in _one_sided(extremes)]
+    if max(map(np.count_nonzero, stands)) < MIN_CLIPPED_SAMPLES:
+        return _OPEN
+    share = np.stack([_share(at, where) for at in stands])
     hit = (share > CLIPPED_SHARE) & (share * count >= MIN_CLIPPED_SAMPLES)
     if not hit.any():
         return _OPEN

@@ -75,19 +75,33 @@ def white_dwells(table: SampleTable, stop: NDArray[np.intp], rate_hz: float) -> 
     """The stops' samples without their slow course, and the noise (3) of each axis."""
     first = np.flatnonzero(np.diff(stop, prepend=-1))
     length = np.diff(np.append(first, len(stop)))
-    at = np.repeat(np.arange(len(first)), length), np.arange(len(stop)) - np.repeat(first, length)
-    shape = (len(first), int(length.max()))
-    reading, time, curve = np.zeros((*shape, 3)), np.zeros(shape), np.zeros((*shape, 4))
-    reading[at], time[at] = table.reading, table.time_s + table.values["started_s"]
-    share = (at[1] + 0.5) / np.repeat(length, length) * 2 - 1
-    curve[at] = np.stack([share**k for k in range(4)], 1)
+    live = np.arange(int(length.max())) < length[:, None]
+    reading, time = _by_stop(table.reading, live), _by_stop(table.time_s + table.values["started_s"], live)
+    curve = np.zeros((*live.shape, 4))
+    for n in np.unique(length).tolist():
+        curve[length == n, :n] = _powers(n)
     clean = TransientFilter(curve, *_moves(table, first, length))
     flat = clean(reading)
-    sigma = np.median(np.abs(flat[at]), axis=0) / 0.6745
+    sigma = np.array([np.median(np.abs(flat[..., axis][live])) for axis in range(3)]) / 0.6745
     # An axis whose samples hardly ever differ has the others' scale.
     sigma = np.where(sigma > MIN_AXIS_NOISE * sigma.max(), sigma, sigma.max())
     motor = np.add.reduceat(table.values["motor"], first) / length
     return WhiteDwells(flat / np.maximum(sigma, 1e-300), reading, time, motor, rate_hz, clean), sigma
+
+
+def _by_stop(values: Floats, live: NDArray[np.bool_]) -> Floats:
+    """Values (n, …) of samples laid out (v, s, …) where there is one, zero where there is none."""
+    if live.all():
+        return values.reshape(*live.shape, *values.shape[1:])
+    out = np.zeros((*live.shape, *values.shape[1:]))
+    out[live] = values
+    return out
+
+
+def _powers(samples: int) -> Floats:
+    """Powers (s, 4) of time over a dwell, from −1 to 1."""
+    share = (np.arange(samples) + 0.5) / samples * 2 - 1
+    return np.stack([share**k for k in range(4)], axis=1)
 
 
 def _moves(
