@@ -67,6 +67,19 @@ def test_its_curve_is_the_formula_over_its_covariate(found: Diagnosis) -> None:
     np.testing.assert_allclose(curve.formula, curve.level * np.polyval(line, curve.at), atol=1e-9)
 
 
+def test_of_two_temperatures_a_square_leads_before_a_corner_that_no_run_shows() -> None:
+    def square(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        added[:, 2] = w.a[:, 0] * (w.T - 21) ** 2 * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    table, _ = hide(recipe(), square, 6, d=14.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    (term,) = discover(problem, None, 1, lambda *_: 3.2).terms
+    assert term.fit.term.family == ("other", "temperature-squared")
+    assert ("other", "temperature-kink") in [f.term.family for f in term.equivalent]
+
+
 def test_the_curve_of_what_dies_away_within_a_dwell_is_that_of_the_means() -> None:
     """What is over after a tenth of the dwell moves its mean, though in the middle of the dwell nothing is left."""
 

@@ -7,10 +7,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from station.diagnosis.discovery.price import family_price
 from station.errors import InputError
 from station.model.campaign import scene_of_plan
 from station.model.formula.dimension import DEGREE, NUMBER, READING, SECOND
-from station.model.formula.expression import Call, Number, Sum, Variable
+from station.model.formula.expression import Call, Expression, Number, Sum, Variable, evaluate, size
 from station.model.formula.grammar import CONSTANTS, INPUTS, MODULATORS, columns_of
 from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of, term_of
@@ -70,6 +71,20 @@ def test_what_does_not_fit_cannot_be_built() -> None:
         Variable("os")
     with pytest.raises(InputError, match="no function 'eval'"):
         Call("eval", Number(Fraction(1)))
+
+
+@pytest.mark.parametrize("tree", [Variable("T"), Call("sign", Variable("motor"))])
+def test_a_positive_part_is_as_long_as_what_it_stands_for(tree: Expression) -> None:
+    whole = Sum((tree, Call("abs", tree)))
+    values = {("T", ""): np.array([-2.0, 0.0, 3.0]), ("motor", ""): np.array([0.5, -1.0, 0.0])}
+    part = Call("positive", tree)
+    assert np.array_equal(evaluate(part, values, {}), evaluate(whole, values, {}) / 2)
+    assert size(part) == size(whole)
+
+
+def test_a_corner_is_dearer_than_a_square_and_both_than_a_line() -> None:
+    line, square, corner = (family_price("own", f"temperature{form}", 1) for form in ("", "-squared", "-kink"))
+    assert line < square < corner
 
 
 @pytest.mark.parametrize(

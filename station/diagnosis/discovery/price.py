@@ -2,7 +2,8 @@
 
 The nodes of the tree, which of its axes and who shares it, and each free constant to the precision that data of some
 hundred numbers give it (a description length; Bartlett, Desmond, Ferreira, IEEE Trans. Evol. Comp. 28 (2024) 950).
-A node takes a bit: a tree of one node more is half as likely beforehand.
+A node takes half a nat: of two trees the longer is a little less likely beforehand, and what the data say outweighs it
+soon. A corner or a jump at some value is an event that laws of most devices do without: its tree is the longer one.
 """
 
 from functools import cache
@@ -14,7 +15,7 @@ from station.model.formula.grammar import INPUTS, MODULATORS, columns_of
 from station.model.formula.term import Term
 
 #: A node of the tree, a free constant, a level of sharing other than the unit's or everybody's; nats.
-NODE_NATS, CONSTANT_NATS, RARE_LEVEL_NATS = float(np.log(2)), 1.0, 1.5
+NODE_NATS, CONSTANT_NATS, RARE_LEVEL_NATS = 0.5, 1.0, 1.5
 #: A clock that starts with power or clamp: where all start together, the run's own is the plainer way to say it.
 CLOCK_NATS, CLOCKS = 0.5, frozenset({"since_power_s", "since_clamp_s"})
 

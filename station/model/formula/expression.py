@@ -219,7 +219,8 @@ def constants(tree: Expression) -> tuple[str, ...]:
 
 
 def size(tree: Expression) -> int:
-    """How many nodes a tree has: what it takes to write it down. A product and a minus sign are not counted."""
+    """How many nodes a tree has: what it takes to write it down. A product and a minus sign are not counted; a positive
+    part is (x + |x|)/2, so that what has a corner or a jump says its argument twice."""
     match tree:
         case Sum(parts):
             return sum(size(p) for p in parts)
@@ -228,8 +229,8 @@ def size(tree: Expression) -> int:
         case Power(part, exponent):
             # A cube is two products.
             return size(part) + (0 if exponent < 0 else max(1, int(exponent) - 1))
-        case Call(_, part):
-            return 1 + size(part)
+        case Call(function, part):
+            return 1 + (2 if function == "positive" else 1) * size(part)
         case Number():
             return 0
     return 1
