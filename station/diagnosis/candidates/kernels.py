@@ -47,6 +47,8 @@ _ACTS_BY = {
 }  # fmt: skip
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input", "position")
+#: The kernel of ripples faster than the visits, of which every frequency is tried at once (`search/ripple.py`).
+RIPPLE = "time*dwell-phase/ripple"
 #: All kernels.
 KERNEL_NAMES = (
     *COVARIATES,
@@ -55,6 +57,7 @@ KERNEL_NAMES = (
     "temperature/ripple",
     "temperature/place",
     "dwell-phase/fading",
+    RIPPLE,
 )
 #: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
 LAG, PLAY = 0.3, 0.4

@@ -32,6 +32,7 @@ from station.diagnosis.search.rank import (
     variance_surprise,
     with_free_variance,
 )
+from station.diagnosis.search.ripple import find_ripple
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
 
@@ -179,16 +180,18 @@ class CauseSearch:
         around = marginalise_walks(problem, now)
         if self._null is None:
             self._null = self._null_of(problem, fitted, around)
-        evidence = around.evidence()
+        ripple = find_ripple(problem, fitted.floor)
+        evidence = around.evidence() | {generic.RIPPLE: ripple.nats}
         # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
         scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
-        surprise = max([statistic(self._null, evidence), *scatter])
+        surprise = max([statistic(self._null, evidence), ripple.surprise, *scatter])
         return SearchState(problem, now, around, evidence, surprise, self._null.threshold)
 
     def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
         """Every cause and kernel at its best; without what has been found often enough already."""
         banks = tuple(s.bank for s in state.now.projected)
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
+        ranks[generic.RIPPLE] = RankedCause(generic.RIPPLE, state.evidence[generic.RIPPLE], None, state.now)
         ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
         return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
 
@@ -244,7 +247,8 @@ class CauseSearch:
         bare = problem.without(i)
         fitted = bare.fit()
         now = score_bank(bare, self.banks.of(bare.view, self.undetectable), fitted.floor)
-        state = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now))
+        evidence = {generic.RIPPLE: find_ripple(bare, fitted.floor).nats}
+        state = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now), evidence=evidence)
         ranks = self.ranks(state, [])
         if finding.name not in ranks or ranks[finding.name].best is None:
             return finding, finding.evidence[finding.name]
