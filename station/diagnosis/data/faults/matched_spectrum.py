@@ -3,9 +3,9 @@
 A motor that keeps its speed keeps the phase of its tone from dwell to dwell. All samples are then one record with
 gaps, whose spectrum is so much finer than a dwell's as the campaign is longer, and the tone's power adds up in one
 line of it. Where the campaign is longer than one transform, stretches of it add up in power, and so do the records of
-units that come some after others: none is held longer than its units. A record's samples are placed on a grid, and its
-background lies between the frequencies of the dwells' spectrum: what is found here is only promising, and judged by
-`phase_agreement.py` at the samples' own times.
+units that come some after others: none is held longer than its units. A record's samples are parted between the two
+points of a grid next to them, and its background lies between the frequencies of the dwells' spectrum: what is found
+here is only promising, and judged by `phase_agreement.py` at the samples' own times.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from station.diagnosis.data.faults.phase_agreement import LEAST_DWELLS, agreement, chance
 from station.domain.core.types import Floats
 
-#: Points of the record for each sample period: what a stamp is rounded by turns the fastest tone by ±.63 rad.
-POINTS_PER_PERIOD = 2.5
+#: Points of the record for each sample period: of the fastest tone sin(.4π)²/(.4π)² = .57 is left, of the noise there
+#: .63; a tone thus loses a tenth.
+POINTS_PER_PERIOD = 1.25
 #: Points of one transform at the most.
-MAX_POINTS = 1 << 20
+MAX_POINTS = 1 << 19
 #: Lines that one tone may show: the gaps between dwells copy it, and it lies between two of them.
 NEAR_LINES = 24
 #: Chance, about, of any line in noise from which on it is looked at exactly.
@@ -37,35 +38,44 @@ class DwellRecord:
         self._stretches = -(-every // self.points)
         # Stretches are equally long, and so filled with dwells that all of them tell as much.
         self._length = min(self.points, _fast_length(-(-every // self._stretches)))
-        # Of each stretch where its samples are, and their values.
-        self._samples: dict[int, list[tuple[NDArray[np.int32], NDArray[np.float32]]]] = {}
-        self._weight = np.zeros(self._stretches)
+        # Of each stretch before which points its samples are, by which shares of a step, and their values.
+        self._samples: dict[int, list[tuple[NDArray[np.intp], Floats, Floats]]] = {}
+        self._weight, self._parted = np.zeros((2, self._stretches))
 
     def add(self, white: Floats, time_s: Floats, motor: Floats, live: NDArray[np.bool_]) -> None:
         """White samples (v, s, 3) at times (v, s), of which some are live (v, s), in dwells of a drive (v)."""
         weight = np.broadcast_to(motor[:, None], live.shape)[live]
-        place = np.round((time_s[live] - self.begin_s) / self.step_s).astype(np.int64)
-        place = np.clip(place, 0, self._stretches * self._length - 1)
-        values = (weight * white[live].T).astype(np.float32)
-        stretch, here = np.divmod(place, self._length)
+        at = (time_s[live] - self.begin_s) / self.step_s
+        place = np.floor(at)
+        later, values = at - place, weight * white[live].T
+        stretch, here = np.divmod(place.astype(np.intp), self._length)
         self._weight += np.bincount(stretch, weight**2, self._stretches)
+        self._parted += np.bincount(stretch, weight**2 * later * (1 - later), self._stretches)
         for i in range(int(stretch.min(initial=0)), int(stretch.max(initial=-1)) + 1):
             mine = stretch == i
             if mine.any():
-                self._samples.setdefault(i, []).append((here[mine].astype(np.int32), values[:, mine]))
+                self._samples.setdefault(i, []).append((here[mine], later[mine], values[:, mine]))
 
     @property
     def weight(self) -> Floats:
         """How much each stretch counts that is used."""
         return np.asarray(self._weight[self._weight > 0])
 
+    @property
+    def parted(self) -> Floats:
+        """Of each of them the mean of w·(1 − w), by weight, of samples of which the share w is at the later point."""
+        return np.asarray(self._parted[self._weight > 0] / self.weight)
+
     def stretches(self) -> Iterator[NDArray[np.float32]]:
         """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
         for i in np.flatnonzero(self._weight > 0).tolist():
-            here, values = (np.concatenate(parts, axis=-1) for parts in zip(*self._samples[i], strict=True))
+            here, later, values = (np.concatenate(parts, axis=-1) for parts in zip(*self._samples[i], strict=True))
             record = np.empty((3, self.points), np.float32)
             for axis in range(3):
-                record[axis] = np.bincount(here, values[axis], self.points)
+                part = values[axis] * later
+                parted = np.bincount(here, values[axis] - part, self.points + 1)
+                parted += np.bincount(here + 1, part, self.points + 1)
+                record[axis] = parted[:-1]
             yield record
 
 
@@ -105,12 +115,14 @@ class MatchedSpectrum:
         if not len(self._frequency):
             return
         usual, total = np.maximum(noise(self._frequency), 1e-300), float(record.weight.sum())
-        for samples, weight in zip(record.stretches(), record.weight.tolist(), strict=True):
+        turned = 2 * (1 - np.cos(2 * np.pi * self._step_s * self._frequency))
+        stretches = zip(record.stretches(), record.weight.tolist(), record.parted.tolist(), strict=True)
+        for samples, weight, parted in stretches:
             counted = dwells * weight / total
             if counted < LEAST_DWELLS:
                 continue
             line = scipy.fft.rfft(samples)[:, self._band]
-            share = (line.real**2 + line.imag**2) / (weight * usual)
+            share = (line.real**2 + line.imag**2) / (weight * (1 - parted * turned) * usual)
             self._found += np.sum(agreement(share / counted, counted), axis=0)
             self._stretches += 1
 
