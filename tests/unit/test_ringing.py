@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.diagnosis.data.reduce import BLOCK_EDGES, MOST_BLOCKS, reduce_samples, ringing_edges
-from station.diagnosis.data.ringing import FALSE_RINGINGS, Ringing, find_ringing
+from station.diagnosis.data.ringing import FALSE_RINGINGS, Ringing, find_ringings
 from station.diagnosis.data.visit_noise import sample_noise
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -37,7 +37,7 @@ def swing(frequency_hz: float, constant_s: float) -> Any:
 
 def ringing(table: SampleTable) -> Any:
     visit = visits_scene_of_table(fast(), table).visit
-    return find_ringing(fast(), table, visit, sample_noise(table.reading, visit))
+    return find_ringings(fast(), table, visit, sample_noise(table.reading, visit))
 
 
 @pytest.mark.parametrize(("frequency_hz", "constant_s"), [(7.0, 0.25), (11.0, 0.15)])
@@ -57,7 +57,7 @@ def test_a_ringing_faster_than_the_blocks_of_a_dwell_is_named_with_its_frequency
 @pytest.mark.parametrize("constant_s", [0.045, 0.1, 0.2])
 def test_what_dies_away_without_a_wave_is_no_ringing_however_large(constant_s: float) -> None:
     table, _ = hide(fast(), swing(0.0, constant_s), 5, units=2, d=150)
-    assert ringing(table) is None
+    assert ringing(table) == ()
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.7, -0.6])
@@ -69,7 +69,7 @@ def test_noise_of_any_colour_rings_as_seldom_as_stated(kept: float) -> None:
         noise = np.random.default_rng(seed).standard_normal((visits, 120, 3))
         for i in range(1, 120):
             noise[:, i] += kept * noise[:, i - 1]
-        found += ringing(replace(table, reading=table.reading + 5e-3 * noise[:, 20:].reshape(-1, 3))) is not None
+        found += ringing(replace(table, reading=table.reading + 5e-3 * noise[:, 20:].reshape(-1, 3))) != ()
     # More than two of 60 at that chance are rarer than one in 300.
     assert FALSE_RINGINGS * sets < 0.31
     assert found <= 2
@@ -77,7 +77,7 @@ def test_noise_of_any_colour_rings_as_seldom_as_stated(kept: float) -> None:
 
 @given(st.floats(2, 30), st.floats(0.03, 0.5), st.floats(0.08, 60))
 def test_the_blocks_of_a_ringing_rise_to_the_end_of_the_dwell(hz: float, constant_s: float, dwell_s: float) -> None:
-    edges = ringing_edges(Ringing(hz, constant_s, 0.0), dwell_s)
+    edges = ringing_edges([Ringing(hz, constant_s, 0.0)], dwell_s)
     assert edges[-1] == 1.0
     assert np.all(np.diff(edges, prepend=0.0) > 0)
     # None is shorter than a quarter of a wave, and no dwell has more than a fleet's memory can hold.
@@ -90,7 +90,7 @@ def test_slow_samples_show_no_ringing(rate_hz: float) -> None:
     slow = fast().model_copy(update={"device": fast().device.model_copy(update={"rate_hz": rate_hz})})
     table, _ = hide(fast(), swing(11.0, 0.15), 8, units=2, d=40)
     visit = visits_scene_of_table(slow, table).visit
-    assert find_ringing(slow, table, visit, sample_noise(table.reading, visit)) is None
+    assert find_ringings(slow, table, visit, sample_noise(table.reading, visit)) == ()
 
 
 def test_where_nothing_rings_the_blocks_are_those_of_any_dwell() -> None:
@@ -99,4 +99,36 @@ def test_where_nothing_rings_the_blocks_are_those_of_any_dwell() -> None:
     found = reduce_samples(fast(), loud)
     assert found.count.shape[1] == len(found.edges) > len(BLOCK_EDGES)
     # Four blocks a wave.
-    assert np.diff(found.edges[:8]) == pytest.approx(1 / (4 * found.ringing_hz), rel=0.05)
+    assert np.diff(found.edges[:8]) == pytest.approx(1 / (4 * found.ringing_hz[0]), rel=0.05)
+
+
+def both(*shapes: tuple[float, float]) -> Any:
+    """What several swings leave together."""
+
+    def hidden(w: World, rng: Any) -> tuple[Any, Any]:
+        return w.a, sum(swing(*shape)(w, rng)[1] for shape in shapes)
+
+    return hidden
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_ringings_are_each_found_at_their_own_frequency(seed: int) -> None:
+    """The best single wave lies between them and dies away sooner."""
+    table, _ = hide(fast(), both((20.0, 0.12), (30.0, 0.12)), seed, units=2, d=35)
+    assert sorted(r.frequency_hz for r in ringing(table)) == pytest.approx([20.0, 30.0], abs=1.0)
+
+
+@pytest.mark.parametrize(("frequency_hz", "constant_s"), [(9.3, 0.08), (16.1, 0.045), (22.4, 0.17), (28.6, 0.3)])
+def test_a_wave_between_those_tried_is_one_however_large(frequency_hz: float, constant_s: float) -> None:
+    table, _ = hide(fast(), swing(frequency_hz, constant_s), 5, units=2, d=300)
+    (found,) = ringing(table)
+    assert found.frequency_hz == pytest.approx(frequency_hz, abs=0.6)
+
+
+def test_two_fast_ringings_are_named_with_their_frequencies() -> None:
+    table, _ = hide(fast(), both((20.0, 0.12), (30.0, 0.12)), 4, units=2, d=35)
+    found = diagnosis_of(fast(), table)
+    assert [cause.finding.name for cause in found.causes] == ["settling", "settling"]
+    forms = [{f.field: f.value for f in cause.estimate.form} for cause in found.causes if cause.estimate]
+    assert sorted(form["frequency_hz"] for form in forms) == pytest.approx([20.0, 30.0], abs=0.5)
+    assert found.depends_on == ()

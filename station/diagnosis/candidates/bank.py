@@ -201,7 +201,7 @@ def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
     for values in product(*grid.values()):
         shaped = replace(effect, **dict(zip(grid, values, strict=True)))
         yield shaped
-        yield from (replace(shaped, **{field: view.reduced.ringing_hz}) for field in frequency)
+        yield from (replace(shaped, **{field: hz}) for field in frequency for hz in view.reduced.ringing_hz)
     T = view.scene.temperature_degC
     if isinstance(effect, TemperaturePolynomial) and T is not None and float(np.ptp(T)) > MIN_BENT_RANGE_DEGC:
         for degree in (2, 3):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.ringing import Ringing, find_ringing
+from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -47,7 +47,7 @@ class ReducedScene:
     beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a stop's noise beside that of all,
     axis_excess (v, 3) that which `count` leaves to each axis; rate_error (v, modes): by what the rate of temperature
     may be wrong, degC/s, each mode times a standard normal number a run; edges (B): ends of the blocks as shares of a
-    dwell; ringing_hz: frequency of what rings within the dwells, 0 where nothing was found to.
+    dwell; ringing_hz: frequencies of what rings within the dwells.
     """
 
     scene: Scene
@@ -61,7 +61,7 @@ class ReducedScene:
     excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
     axis_excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
     edges: Floats = field(default_factory=lambda: BLOCK_EDGES)
-    ringing_hz: float = 0.0
+    ringing_hz: tuple[float, ...] = ()
 
     def by_own_noise(self) -> "ReducedScene":
         """The same where each stop has the noise of its own samples: a noisier one counts as so many fewer at that of
@@ -112,19 +112,21 @@ def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
     """The stops of a table. SamplesError when a position or seating is not in the recipe."""
     visit = visits_scene_of_table(recipe, table).visit
     sigma = sample_noise(table.reading, visit)
-    ringing = find_ringing(recipe, table, visit, sigma)
-    if ringing is None:
+    ringings = find_ringings(recipe, table, visit, sigma)
+    if not ringings:
         part = reduce_part(table, visit, sigma)
         return join_parts(recipe, part.means, [part], sigma)
-    edges = ringing_edges(ringing, float(np.median(_first_and_length(table.time_s, visit, int(visit.max()) + 1)[1])))
+    edges = ringing_edges(ringings, float(np.median(_first_and_length(table.time_s, visit, int(visit.max()) + 1)[1])))
     part = reduce_part(table, visit, sigma, edges)
-    return replace(join_parts(recipe, part.means, [part], sigma), ringing_hz=ringing.frequency_hz, edges=edges)
+    return replace(
+        join_parts(recipe, part.means, [part], sigma), ringing_hz=tuple(r.frequency_hz for r in ringings), edges=edges
+    )
 
 
-def ringing_edges(ringing: Ringing, dwell_s: float) -> Floats:
-    """Ends of the sub-blocks that follow a ringing, as shares of a dwell."""
-    step = 1 / (WAVE_BLOCKS * ringing.frequency_hz * dwell_s)
-    last = min(RINGS_FOR * ringing.time_constant_s / dwell_s, MOST_OF_DWELL)
+def ringing_edges(ringings: Sequence[Ringing], dwell_s: float) -> Floats:
+    """Ends of the sub-blocks that follow what rings, the fastest wave as long as the longest, as shares of a dwell."""
+    step = 1 / (WAVE_BLOCKS * max(r.frequency_hz for r in ringings) * dwell_s)
+    last = min(RINGS_FOR * max(r.time_constant_s for r in ringings) / dwell_s, MOST_OF_DWELL)
     fine = step * np.arange(1, 1 + min(MOST_BLOCKS, int(last / step)))
     coarse = BLOCK_EDGES[:-1]
     return np.asarray(np.r_[fine, coarse[NEXT_BLOCK * fine.max(initial=0.0) < coarse], 1.0])

@@ -30,6 +30,13 @@ FREQUENCIES_HZ, LEAST_WAVES = np.arange(2.0, 30.1, 0.25), 0.3
 #: Share of the sample rate beyond which a wave is another's alias; longest stretch looked at, s, and its samples a
 #: second, to which faster ones are averaged.
 MOST_OF_RATE, LONGEST_S, ENOUGH_HZ = 0.45, 1.0, 100.0
+#: Two ringings are at least so far apart, Hz, and by this share of the other's inverse time constant: nearer ones are
+#: one wave whose form is another. Rounds in which the one is looked for beside the other.
+LEAST_APART_HZ, WIDTH, ROUNDS = 3.0, 0.3, 4
+#: Waves beside which a second one is looked for first: multiples of so many Hz, with these time constants.
+START_HZ, START_CONSTANTS_S = 2.0, (0.06, 0.12)
+#: Neighbours of a wave, Hz and doublings of the time constant, and the share of a direction that is their own.
+NEXT_HZ, NEXT_CONSTANT, LEAST_OWN = 0.5, 1.2, 0.01
 #: Share of a wave that what dies away without one must leave.
 LEAST_BEYOND = 0.2
 #: Time constants tried, s: those of the bank.
@@ -96,6 +103,7 @@ class RingingSearch:
         self.averaged = max(1, int(rate_hz // ENOUGH_HZ))
         self.samples = min(samples, round(LONGEST_S * rate_hz)) // self.averaged
         self.shapes, self.waves = _waves(self.samples, rate_hz / self.averaged)
+        self._beside: dict[int, tuple[Floats, NDArray[np.intp]]] = {}
         self._left, self._moved = np.zeros((self.samples, 3)), np.zeros(3)
 
     @staticmethod
@@ -111,35 +119,103 @@ class RingingSearch:
         self._moved += np.sum(dwells.move**2, axis=0)
         return dwells
 
-    def promising(self, sigma: Floats) -> NDArray[np.intp]:
-        """The best wave at each of a few neighbouring frequencies, if noise sigma (3) of a sample hardly shows such."""
-        left = self._left / np.maximum(sigma * np.sqrt(self._moved / self.averaged), 1e-300)
-        found = 0.5 * np.sum(np.einsum("wsk,si->wki", self.waves, left) ** 2, axis=(1, 2))
+    def promising(self, sigma: Floats, beside: int | None = None) -> NDArray[np.intp]:
+        """The best wave at each of a few neighbouring frequencies, if noise sigma (3) of a sample hardly shows such;
+        beside: the place of a wave, of which they are to be none."""
+        waves, places = self._waves_beside(beside)
+        found = self._explained(waves, sigma)
         bands = np.array_split(np.arange(len(found)), BANDS)
-        best = np.array([band[found[band].argmax()] for band in bands if len(band)], np.intp)
-        rare = [chance(float(found[i]), 3.0) * len(found) < PROMISING_RINGINGS for i in best]
-        return np.asarray(best[rare])
+        best = [band[found[band].argmax()] for band in bands if len(band)]
+        rare = [i for i in best if chance(float(found[i]), 3.0) * len(found) < PROMISING_RINGINGS]
+        return places[rare] if rare else np.zeros(0, np.intp)
 
-    def strongest(self, dwells: MovedDwells, sigma: Floats) -> Ringing | None:
-        """The ringing on which all dwells agree, if noise hardly agrees on any."""
-        found = [(self.shapes[i], *dwells.agreement(self.waves[i])) for i in self.promising(sigma)]
-        if not found:
+    def strongest(self, dwells: MovedDwells, sigma: Floats) -> tuple[Ringing, ...]:
+        """The ringing on which all dwells agree, if noise hardly agrees on any; two of them, the clearer first, if each
+        is beside the other."""
+        alone = self._strongest(dwells, sigma, None)
+        if alone is None:
+            return ()
+        # The best wave for two lies between them, and each is found beside the other only near it.
+        one: _Wave | None = None
+        two = self._strongest(dwells, sigma, self._start(sigma))
+        for _ in range(ROUNDS):
+            before, one = one, None if two is None else self._strongest(dwells, sigma, two.place)
+            two = None if one is None else self._strongest(dwells, sigma, one.place)
+            if one is None or two is None:
+                return (alone.ringing,)
+            if before is not None and before.place == one.place:
+                break
+        found = [wave.ringing for wave in (one, two) if wave is not None]
+        return tuple(sorted(found, key=lambda ringing: -ringing.nats))
+
+    def _start(self, sigma: Floats) -> int:
+        """The place, of some, of the wave that explains the most together with the best one beside it."""
+        alone = self._explained(self.waves, sigma)
+        some = [i for i, (f, tau) in enumerate(self.shapes) if f % START_HZ == 0 and tau in START_CONSTANTS_S]
+
+        def together(place: int) -> float:
+            beside = self._explained(self._waves_beside(place)[0], sigma)
+            return float(alone[place] + beside.max(initial=0.0))
+
+        return max(some, key=together, default=int(alone.argmax()))
+
+    def _explained(self, waves: Floats, sigma: Floats) -> Floats:
+        """Half the squares (w), in noises, of what the moves leave that waves (w, s, 2) explain."""
+        left = self._left / np.maximum(sigma * np.sqrt(self._moved / self.averaged), 1e-300)
+        return np.asarray(0.5 * np.sum(np.einsum("wsk,si->wki", waves, left) ** 2, axis=(1, 2)))
+
+    def _strongest(self, dwells: MovedDwells, sigma: Floats, beside: int | None) -> "_Wave | None":
+        waves, places = self._waves_beside(beside)
+        promising = self.promising(sigma, beside)
+        if not len(promising):
             return None
-        shape, nats, terms = min(found, key=lambda one: chance(*one[1:]))
+        found = [(int(i), *dwells.agreement(waves[np.searchsorted(places, i)])) for i in promising]
+        place, nats, terms = min(found, key=lambda one: chance(*one[1:]))
         # All waves were tried, in all nests alike and in each.
         tried = 2 * len(self.waves)
         if chance(nats, terms) * tried >= FALSE_RINGINGS:
             return None
-        return Ringing(shape[0], shape[1], nats - float(np.log(tried)))
+        return _Wave(place, Ringing(*self.shapes[place], nats - float(np.log(tried))))
+
+    def _waves_beside(self, one: int | None) -> tuple[Floats, NDArray[np.intp]]:
+        """The waves (w, s, 2) without what the one at a place could be, and the places of those that ring at a
+        frequency of their own."""
+        if one is None:
+            return self.waves, np.arange(len(self.waves))
+        if one not in self._beside:
+            self._beside[one] = self._apart_from(one)
+        return self._beside[one]
+
+    def _apart_from(self, one: int) -> tuple[Floats, NDArray[np.intp]]:
+        hz, constant_s = self.shapes[one]
+        frequency, tau = np.array(self.shapes).T
+        off = np.abs(frequency - hz)
+        apart = np.flatnonzero(off > np.maximum(LEAST_APART_HZ, WIDTH / tau))
+        # Its form is known as well as the waves tried stand apart, and is anything between its neighbours.
+        alike = np.abs(np.log2(tau / constant_s)) < NEXT_CONSTANT
+        near = np.concatenate(self.waves[alike & (off <= NEXT_HZ)], axis=1)
+        u, size, _ = np.linalg.svd(near, full_matrices=False)
+        known, others = u[:, size > LEAST_OWN * size[0]], self.waves[apart]
+        left = others - np.einsum("sp,wpk->wsk", known, np.einsum("sp,wsk->wpk", known, others))
+        kept = np.sum(left**2, axis=(1, 2)) > LEAST_BEYOND * 2
+        return np.linalg.qr(left[kept])[0], apart[kept]
 
 
-def find_ringing(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], sigma: Floats) -> Ringing | None:
-    """The ringing that the dwells of a table show, whose samples have the noise sigma (3); None where none is."""
+@dataclass(frozen=True, slots=True)
+class _Wave:
+    """The place of a wave among those tried, and its ringing."""
+
+    place: int
+    ringing: Ringing
+
+
+def find_ringings(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], sigma: Floats) -> tuple[Ringing, ...]:
+    """The ringings that the dwells of a table show, whose samples have the noise sigma (3): none, one or two."""
     search = RingingSearch.of(recipe, visit)
     if search is None:
-        return None
+        return ()
     dwells = search.add(table, visit)
-    return search.strongest(dwells, sigma) if len(dwells.move) >= LEAST_DWELLS else None
+    return search.strongest(dwells, sigma) if len(dwells.move) >= LEAST_DWELLS else ()
 
 
 @cache
