@@ -1,6 +1,6 @@
 """The course of temperature through a run of very many visits, at a cost that is linear in them.
 
-The same model as in `temperature_slope.py`. Level and slope at a visit are a state that depends on the one before
+The same model as in `temperature_course.py`. Level and slope at a visit are a state that depends on the one before
 alone: Kalman's filter whitens the visits (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012,
 ch. 4), and the precision of all states together has a narrow band.
 """
@@ -61,14 +61,16 @@ def _white(gap: Floats, columns: Floats, ratio: Floats) -> tuple[Floats, Floats]
     return white, logdet
 
 
-def slope_and_modes(time: Floats, value: Floats, ratio: float, modes: int) -> tuple[Floats, Floats]:
-    """Slope (n) of one run at each visit, and the largest modes (n, modes) of its error, noise of variance 1."""
+def course_and_modes(time: Floats, value: Floats, ratio: float, modes: int) -> tuple[Floats, Floats, Floats]:
+    """Value and slope (n) of one run at each visit, and the largest modes (n, modes) of the slope's error, noise of
+    variance 1."""
     place, t = _distinct(time)
     count = np.bincount(place).astype(float)
     usual = float(np.median(np.diff(t)))
     banded = _precision(np.diff(t), count, max(ratio, LEAST_STIFFNESS / usual**3), usual)
     solve = partial(scipy.linalg.cho_solve_banded, (scipy.linalg.cholesky_banded(banded), False), check_finite=False)
-    slope = solve(np.stack([np.bincount(place, value - value.mean()), np.zeros(len(t))], axis=1).ravel())[1::2]
+    middle = float(value.mean())
+    state = solve(np.stack([np.bincount(place, value - middle), np.zeros(len(t))], axis=1).ravel())
 
     def unknown(along: Floats) -> Floats:
         return np.asarray(solve(np.stack([np.zeros(len(t)), along.ravel()], axis=1).ravel())[1::2])
@@ -80,7 +82,7 @@ def slope_and_modes(time: Floats, value: Floats, ratio: float, modes: int) -> tu
     operator = LinearOperator((len(t), len(t)), matvec=unknown, dtype=float)
     values, vectors = eigsh(operator, k=modes, v0=start, tol=MODE_TOLERANCE, ncv=min(len(t), 20 * modes))
     largest = vectors * np.sqrt(np.maximum(values, 0.0))
-    return slope[place] / usual, largest[place] / usual
+    return middle + state[::2][place], state[1::2][place] / usual, largest[place] / usual
 
 
 def _distinct(time: Floats) -> tuple[NDArray[np.intp], Floats]:

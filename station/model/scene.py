@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
-from station.model.temperature_slope import TemperatureSlope, temperature_slopes
+from station.model.temperature_course import TemperatureCourse, temperature_courses
 from station.model.visit_table import VisitTable, visit_table
 
 #: Covariates of a sample, None in a scene where nobody recorded them.
@@ -194,9 +194,9 @@ def estimate_temperature_rate(
 ) -> Floats:
     """dT/dt (n) in degC/s: the slope of a smooth course through the visits' mean temperatures."""
     mean = _means(np.stack([time_s, temperature_degC], 1), visit, len(visits))
-    return np.asarray(np.concatenate([s.slope for s in fit_temperature_slopes(mean[:, 0], mean[:, 1], visits)])[visit])
+    return np.asarray(np.concatenate([c.slope for c in fit_temperature_courses(mean[:, 0], mean[:, 1], visits)])[visit])
 
 
-def fit_temperature_slopes(time_s: Floats, temperature_degC: Floats, visits: VisitTable) -> list[TemperatureSlope]:
-    """The temperature's slope in each run, from times and means (v) of the visits."""
-    return temperature_slopes([(time_s[rows], temperature_degC[rows]) for rows in visits.run_slices()])
+def fit_temperature_courses(time_s: Floats, temperature_degC: Floats, visits: VisitTable) -> list[TemperatureCourse]:
+    """The temperature's course in each run, from times and means (v) of the visits."""
+    return temperature_courses([(time_s[rows], temperature_degC[rows]) for rows in visits.run_slices()])

@@ -108,3 +108,19 @@ def test_a_jump_of_one_unit_in_one_run_is_a_step_and_no_walk() -> None:
     table, _ = hide(recipe(1), KNOWN["step"], 90 + SEED, units=1, d=20.0)
     (found,) = searched(recipe(1), table).findings
     assert found.name == "step"
+
+
+@pytest.mark.parametrize("range_degC", [0.08, 0.15])
+def test_an_offset_by_temperature_stays_in_the_set_where_a_thermometer_hardly_shows_how_that_rose(
+    range_degC: float,
+) -> None:
+    """As it was read it bore more of the thermometer's 30 mK than of its own course, which no offset followed."""
+
+    def rising(kind: Recipe, units: int, rng: np.random.Generator) -> World:
+        w = world(kind, units, rng)
+        return replace(w, T=22 + range_degC * w.t / w.t.max())
+
+    faces = six_faces("listed")
+    table, _ = hide(faces, per_unit(3e-4, lambda w, rng: w.T - 22), 90 + SEED, d=14.0, world_of=rising)
+    (found,) = searched(faces, table).findings
+    assert "offset-temperature" in (found.name, *found.indistinguishable_from)

@@ -1,15 +1,17 @@
 """What is found is looked at again: scatter that returns is no walk, and what others explain is no cause."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.results.imitators import _in_noise_of, _rest
 from station.diagnosis.search.cause_search import CauseSearch
 from station.diagnosis.search.form_check import compare_laws
-from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view
 from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
@@ -79,6 +81,16 @@ def test_a_cause_that_another_leaves_nothing_is_dropped() -> None:
     assert [a.candidate.name for a in state.problem.accepted] == ["hysteresis"]
     assert not state.alarms
     assert set(state.evidence) - set(KERNEL_NAMES)
+
+
+def test_a_law_written_twice_is_no_nearer_to_the_data_by_another_noise_of_contrasts() -> None:
+    """Each form of it leaves another estimate of that noise, and over a thousand contrasts a hundredth shows."""
+    search = CauseSearch(problem_of(KNOWN["settling"], 50 + SEED, units=4, d=16.0), null_of)
+    ranks = search.ranks(search.first, [])
+    known = search.accepted(search.first, ranks, ranks["settling"])[1].problem
+    again = problem_in_view(known, replace(known.view, sigma=1.006 * known.view.sigma), known.accepted)
+    assert _rest(known) - _rest(again) > 3
+    assert _rest(_in_noise_of(again, known)) == pytest.approx(_rest(known), rel=1e-12)
 
 
 @pytest.mark.parametrize("neighbours", [(3, 5, 6), (8, 9)])

@@ -20,7 +20,7 @@ from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.scene import COVARIATES, Scene, fit_temperature_slopes, scene_of_table, visits_scene_of_table
+from station.model.scene import COVARIATES, Scene, fit_temperature_courses, scene_of_table, visits_scene_of_table
 
 #: Ends of the sub-blocks as shares of the dwell.
 BLOCK_EDGES = np.array([0.06, 0.15, 0.40, 1.0])
@@ -201,15 +201,19 @@ def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
 
 
 def _scene(recipe: Recipe, means: SampleTable) -> tuple[Scene, Floats | None]:
-    """The scene of stops (v), one row each, and what is not known of the rate of temperature there (v, modes)."""
+    """The scene of stops (v), one row each, and what is not known of the rate of temperature there (v, modes).
+
+    Temperatures are as a smooth course has them: as it was read, one that scarcely changes bears more of its
+    thermometer's noise than of what it was, and nothing would follow it.
+    """
     warm = means.values.get("temperature_degC")
     others = {name: values for name, values in means.values.items() if name != "temperature_degC"}
     scene = scene_of_table(recipe, replace(means, values=others))
     if warm is None:
         return scene, None
-    slopes = fit_temperature_slopes(scene.time_s, warm, scene.visits)
-    rate = np.concatenate([s.slope for s in slopes])
-    return replace(scene, temperature_degC=warm, temperature_rate=rate), np.concatenate([s.modes for s in slopes])
+    courses = fit_temperature_courses(scene.time_s, warm, scene.visits)
+    value, rate, modes = (np.concatenate([getattr(c, part) for c in courses]) for part in ("value", "slope", "modes"))
+    return replace(scene, temperature_degC=value, temperature_rate=rate), modes
 
 
 def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:

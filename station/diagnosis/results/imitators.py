@@ -23,7 +23,7 @@ from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.rest import is_noise, visit_noise
 from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
-from station.diagnosis.search.problem import refined
+from station.diagnosis.search.problem import problem_in_view, refined
 from station.diagnosis.search.scoring import ScoringProblem
 
 #: So many causes that leave nothing are worth a look for one formula that says the same.
@@ -88,11 +88,17 @@ def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProble
     """Whether a formula accounts for everything in fewer parts, or in as many far more nearly, and more likely by what
     it costs to write them down."""
     problem = _alike(last if with_causes.formula is None else with_causes.formula.problem)
-    bare = _alike(alone.problem)
+    bare = _alike(_in_noise_of(alone.problem, problem))
     causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
     if len(alone.terms) >= with_causes.parts and _rest(problem) - _rest(bare) < BEYOND_NOISE**2:
         return False
     return _profile(bare) - _price(alone) > causes_nats
+
+
+def _in_noise_of(problem: ScoringProblem, other: ScoringProblem) -> ScoringProblem:
+    """A problem with contrasts in units of the noise of another's: each estimates it beside what is known there, and a
+    hundredth of it, over all contrasts, is more than two forms of one law differ by."""
+    return problem_in_view(problem, replace(problem.view, sigma=other.view.sigma), problem.accepted)
 
 
 def _alike(problem: ScoringProblem) -> ScoringProblem:

@@ -1,11 +1,11 @@
-"""The slope of a recorded temperature: right, and as well known as it says."""
+"""The course of a recorded temperature and its slope: right, and as well known as it says."""
 
 import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from station.model import long_temperature_run, temperature_slope
-from station.model.temperature_slope import RunTemperatures, temperature_slopes
+from station.model import long_temperature_run, temperature_course
+from station.model.temperature_course import RunTemperatures, Stiffness, temperature_courses
 
 STOPS, RUNS, LENGTH_S = 24, 40, 60.0
 
@@ -19,7 +19,7 @@ def waves(t: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def test_a_straight_course_has_its_own_slope_and_no_error() -> None:
     t = np.linspace(5.0, 65.0, STOPS)
-    (found,) = temperature_slopes([(t, 20.0 + 0.03 * t)])
+    (found,) = temperature_courses([(t, 20.0 + 0.03 * t)])
     assert found.slope == pytest.approx(0.03)
     assert np.abs(found.modes).max() < 1e-6
 
@@ -29,7 +29,7 @@ def test_the_error_is_as_large_as_said(noise: float) -> None:
     rng = np.random.default_rng(4)
     t = np.linspace(0.0, LENGTH_S, STOPS)
     true = [waves(t, rng) for _ in range(RUNS)]
-    found = temperature_slopes([(t, T + noise * rng.standard_normal(STOPS)) for T, _ in true])
+    found = temperature_courses([(t, T + noise * rng.standard_normal(STOPS)) for T, _ in true])
     error = np.concatenate([f.slope - rate for f, (_, rate) in zip(found, true, strict=True)])
     shown = np.concatenate([np.sum(f.modes**2, axis=1) for f in found])
     # 40 runs of about three free numbers each: their mean square is known to 13 %.
@@ -44,7 +44,7 @@ def test_a_cause_in_proportion_to_slopes_that_noise_blurs_keeps_its_size() -> No
     t, runs = np.linspace(0.0, 20.0, 6), 2000
     true = rng.normal(0.01, 0.002, runs)
     noise = 0.004 * np.sqrt(np.sum((t - t.mean()) ** 2))
-    found = temperature_slopes([(t, 20.0 + b * t + noise * rng.standard_normal(6)) for b in true])
+    found = temperature_courses([(t, 20.0 + b * t + noise * rng.standard_normal(6)) for b in true])
     seen = np.array([f.slope.mean() for f in found])
     size = float(np.cov(true, seen)[0, 1] / np.var(seen))
     # A fifth of the scatter is true: the size is known to √(.8 / .2 / 2000) = .045.
@@ -53,8 +53,38 @@ def test_a_cause_in_proportion_to_slopes_that_noise_blurs_keeps_its_size() -> No
     assert own == pytest.approx(np.mean((seen - true) ** 2), rel=0.2)
 
 
+@pytest.mark.parametrize("noise", [0.002, 0.03])
+def test_values_are_nearer_to_the_temperature_than_what_was_read(noise: float) -> None:
+    rng = np.random.default_rng(6)
+    t = np.linspace(0.0, LENGTH_S, STOPS)
+    true = [waves(t, rng)[0] for _ in range(RUNS)]
+    found = temperature_courses([(t, T + noise * rng.standard_normal(STOPS)) for T in true])
+    error = np.concatenate([f.value - T for f, T in zip(found, true, strict=True)])
+    # A course of some four free numbers takes as many of the 24 errors.
+    assert np.sqrt(np.mean(error**2)) < 0.6 * noise
+
+
+@pytest.mark.parametrize("jump_degC", [0.2, 5.0])
+def test_a_temperature_that_jumps_keeps_its_jump(jump_degC: float) -> None:
+    rng = np.random.default_rng(8)
+    t = np.linspace(0.0, LENGTH_S, STOPS)
+    read = 20.0 + jump_degC * (t > 30.0) + 0.005 * rng.standard_normal(STOPS)
+    (found,) = temperature_courses([(t, read)])
+    np.testing.assert_array_equal(found.value, read)
+
+
+def test_visits_of_other_temperatures_each_are_as_warm_as_they_read() -> None:
+    """Hours apart, in a chamber: no noise of a thermometer."""
+    rng = np.random.default_rng(9)
+    t, read = np.linspace(0.0, 1e5, STOPS), rng.uniform(-20.0, 60.0, STOPS)
+    (found,) = temperature_courses([(t, read)])
+    np.testing.assert_array_equal(found.value, read)
+
+
 def test_runs_of_one_and_two_stops() -> None:
-    one, two = temperature_slopes([(np.array([3.0]), np.array([20.0])), (np.array([1.0, 3.0]), np.array([20.0, 21.0]))])
+    one, two = temperature_courses(
+        [(np.array([3.0]), np.array([20.0])), (np.array([1.0, 3.0]), np.array([20.0, 21.0]))]
+    )
     assert one.slope == pytest.approx([0.0])
     assert two.slope == pytest.approx([0.5, 0.5])
 
@@ -65,13 +95,14 @@ def test_a_long_run_gives_the_same_in_linear_time_as_by_its_whole_covariance(rat
     t = np.cumsum(rng.uniform(0.4, 1.6, (2, visits)), axis=1)
     t = (t - t[:, :1]) / np.ptp(t, axis=1).max()
     runs = RunTemperatures(t, 25 + 3 * np.sin(9 * t) + 0.02 * rng.standard_normal(t.shape))
-    slope, modes = temperature_slope._slope(runs, ratio, 1.0)
-    logdet, squares = temperature_slope._likelihoods(runs)
-    long_logdet, long_squares = long_temperature_run.likelihoods(*runs, temperature_slope.STIFFNESS_RATIOS)
+    value, slope, modes = temperature_course._course(runs, [Stiffness(ratio, 1.0, 1.0)])
+    logdet, squares = temperature_course._likelihoods(runs)
+    long_logdet, long_squares = long_temperature_run.likelihoods(*runs, temperature_course.STIFFNESS_RATIOS)
     np.testing.assert_allclose(long_logdet, logdet, rtol=0, atol=1e-6)
     np.testing.assert_allclose(long_squares, squares, rtol=1e-6)
     for i in range(2):
-        found, largest = long_temperature_run.slope_and_modes(t[i], runs.value[i], ratio, 3)
+        warm, found, largest = long_temperature_run.course_and_modes(t[i], runs.value[i], ratio, 3)
+        np.testing.assert_allclose(warm, value[i], rtol=0, atol=1e-5)
         np.testing.assert_allclose(found, slope[i], rtol=0, atol=1e-5 * np.abs(slope[i]).max())
         expected = modes[i] @ modes[i].T
         np.testing.assert_allclose(largest @ largest.T, expected, rtol=0, atol=1e-4 * expected.max())
@@ -80,7 +111,7 @@ def test_a_long_run_gives_the_same_in_linear_time_as_by_its_whole_covariance(rat
 def test_a_run_of_thousands_of_visits_some_at_one_time_has_its_slope() -> None:
     t = np.repeat(np.arange(3000) * 2.5, 2)
     rng = np.random.default_rng(5)
-    (found,) = temperature_slopes([(t, 20.0 + 0.001 * t + 0.01 * rng.standard_normal(len(t)))])
+    (found,) = temperature_courses([(t, 20.0 + 0.001 * t + 0.01 * rng.standard_normal(len(t)))])
     # Of a straight line through so many, or of one that bends a little: 10 % is a hundred times its deviation.
     np.testing.assert_allclose(found.slope, 0.001, rtol=0.1)
     assert found.modes.shape == (6000, 3)
