@@ -111,7 +111,7 @@ def test_the_visits_of_a_portion_are_reduced_by_its_own_noise() -> None:
     louder = _last(made) * LSB * np.round(7e-4 / LSB * rng.standard_normal((len(made), 3)))
     found = reduced(replace(made, reading=made.reading + louder)).reduced
     means = [reduce_samples(RECIPE, portion.used()).mean for portion in by_unit(made)()][:2]
-    np.testing.assert_array_equal(found.mean[: len(found.mean) * 2 // 3], np.concatenate(means))
+    np.testing.assert_allclose(found.mean[: len(found.mean) * 2 // 3], np.concatenate(means), rtol=1e-12)
 
 
 def _places(found: preflight.Preflight) -> list[tuple[str, int, int]]:
@@ -255,7 +255,7 @@ def test_what_adds_up_holds_no_samples() -> None:
         visit = visits_scene_of_table(RECIPE, part).visit
         extent = ToneExtent.of(part, visit)
         assert extent is not None
-        tally.add(part.reading, visit)
+        tally.add(NoiseTally.of(part.reading, visit))
         tones.add(part, visit, extent)
 
     tracemalloc.start()
@@ -277,5 +277,5 @@ def test_noise_added_up_is_that_of_all_samples(stops: list[list[int]], even: boo
     reading = np.stack([values, values[::-1] / 3, np.zeros(len(values))], axis=1)
     tally = NoiseTally()
     for v in range(len(stops)):
-        tally.add(reading[visit == v], visit[visit == v])
+        tally.add(NoiseTally.of(reading[visit == v], visit[visit == v]))
     np.testing.assert_allclose(tally.sigma(), sample_noise(reading, visit), rtol=1e-12)

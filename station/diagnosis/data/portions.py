@@ -21,7 +21,7 @@ from station.diagnosis.data.reduce import ReducedPart, ReducedScene, join_parts,
 from station.diagnosis.data.ringing import RingingSearch
 from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
-from station.diagnosis.data.visit_noise import NoiseTally, sample_noise
+from station.diagnosis.data.visit_noise import NoiseTally
 from station.domain.core.joined_tables import join
 from station.domain.core.types import SampleTable
 from station.domain.evaluation.unit_dwells import UnitDwells, reduce_table
@@ -104,8 +104,9 @@ class _Seen:
     def _reduces(self, table: SampleTable, visit: NDArray[np.intp]) -> bool:
         """The same of samples that are used, in visits (n), looked for tones; keeps what is left of them."""
         self.rows += len(table)
-        self.noise.add(table.reading, visit)
-        self.parts.append(reduce_part(table, visit, sample_noise(table.reading, visit)))
+        noise = NoiseTally.of(table.reading, visit)
+        self.noise.add(noise)
+        self.parts.append(reduce_part(table, visit, noise.sigma()))
         self._ringing = self._ringing or RingingSearch.of(self.recipe, visit)
         if self._ringing is not None:
             self._ringing.add(table, visit)

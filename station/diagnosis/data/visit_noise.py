@@ -44,16 +44,24 @@ class NoiseTally:
     def __init__(self) -> None:
         self._counts, self._sums, self._squares = np.zeros((3, SIZES)), np.zeros((3, SIZES)), np.zeros(3)
 
-    def add(self, reading: Floats, visit: NDArray[np.intp]) -> None:
-        """Readings (n, 3) of more stops (n)."""
-        near = _differences(reading, visit)[0]
+    @staticmethod
+    def of(reading: Floats, visit: NDArray[np.intp]) -> "NoiseTally":
+        """Of readings (n, 3) of stops (n)."""
+        tally, near = NoiseTally(), _differences(reading, visit)[0]
         for axis in range(3):
             column = np.ascontiguousarray(near[:, axis])
             # Leading bits of a number are its size on a scale of equal shares.
             size = np.clip((column.view(np.int64) >> SHARE_BITS) - LEAST_SIZE, 0, SIZES - 1)
-            self._counts[axis] += np.bincount(size, minlength=SIZES)
-            self._sums[axis] += np.bincount(size, column, SIZES)
-        self._squares += np.sum(near**2, axis=0)
+            tally._counts[axis] = np.bincount(size, minlength=SIZES)
+            tally._sums[axis] = np.bincount(size, column, SIZES)
+        tally._squares = np.sum(near**2, axis=0)
+        return tally
+
+    def add(self, more: "NoiseTally") -> None:
+        """Takes more stops."""
+        self._counts += more._counts
+        self._sums += more._sums
+        self._squares += more._squares
 
     def sigma(self) -> Floats:
         """What `sample_noise` gives of all stops together (3), to a thousandth."""

@@ -4,7 +4,7 @@ Both sides are the station's own calibration by the recipe's method: of the read
 with the gross faults put right and the causes taken off.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +63,7 @@ def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
     if not (d.faults or d.causes):
         return None
     try:
-        before, after = (_results(d.recipe, units, today) for units in _measured_and_corrected(d))
+        before, after = _results(d.recipe, *_measured_and_corrected(d), today)
     except StationError:
         # Data that can be diagnosed need not be such that the recipe's method can calibrate them.
         return None
@@ -112,18 +112,22 @@ def _unit_document(u: UnitImpact, *, judged: bool) -> dict[str, Any]:
     }
 
 
-def _results(recipe: Recipe, units: Iterable[UnitDwells], today: str) -> list[CalibrationResult]:
-    return sorted(pipeline.calibrate_dwells(recipe, units, today), key=lambda r: r.serial)
+def _results(
+    recipe: Recipe, before: list[UnitDwells], after: list[UnitDwells], today: str
+) -> tuple[list[CalibrationResult], list[CalibrationResult]]:
+    """Of both, solved together, by serial."""
+    found = list(pipeline.calibrate_dwells(recipe, [*before, *after], today))
+    was, now = found[: len(before)], found[len(before) :]
+    return sorted(was, key=lambda r: r.serial), sorted(now, key=lambda r: r.serial)
 
 
-def _measured_and_corrected(d: Diagnosis) -> Iterator[list[UnitDwells]]:
+def _measured_and_corrected(d: Diagnosis) -> tuple[list[UnitDwells], list[UnitDwells]]:
     """The dwells of every unit as they were measured; and with gross faults put right and every new cause taken off."""
     measured = d.samples.dwells(d.recipe)
-    yield measured
     corrected = measured if d.inspection.as_measured else d.inspection.samples.dwells(d.recipe)
     effect = sum((cause_contribution(d.last, i)[0] for i in new_causes(d)), np.zeros_like(d.last.view.reduced.mean))
     ends = np.cumsum([len(unit) for unit in corrected])[:-1]
-    yield [_less(unit, own) for unit, own in zip(corrected, np.split(effect, ends), strict=True)]
+    return measured, [_less(unit, own) for unit, own in zip(corrected, np.split(effect, ends), strict=True)]
 
 
 def _less(unit: UnitDwells, effect: Floats) -> UnitDwells:
