@@ -4,8 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from station.diagnosis.linear.evidence import AMPLITUDE_RATIOS, DataSets, EigenSpectrum, Pattern, spectrum
+from station.diagnosis.linear.evidence import (
+    AMPLITUDE_RATIOS,
+    HIT_SHARES,
+    DataSets,
+    EigenSpectrum,
+    Pattern,
+    log_mean_exp,
+    spectrum,
+)
 from station.diagnosis.linear.projection import (
     DataColumns,
     FloorCovariance,
@@ -94,6 +104,24 @@ def found(
     sets = DataSets.of(observed, observed.data[None])
     can = spectrum(observed.size, m, E.swapaxes(-1, -2) @ cross, pattern, most)
     return can, can.components((E.swapaxes(-1, -2) @ data)[..., 0][None], sets), sets
+
+
+def test_of_two_runs_the_one_is_off_by_as_much_as_the_other_is_not() -> None:
+    """A unit's offset is free: either run's own offset explains all of it, and both together no more."""
+    odds = np.full((1, 4, 2), 30.0)
+    counted = log_mean_exp(EigenSpectrum.spread(odds))[0]
+    assert 4 * (30 - 5) < counted < 4 * 30
+    assert EigenSpectrum.spread(np.zeros((1, 4, 2))) == pytest.approx(0.0, abs=1e-12)
+
+
+@given(st.lists(st.floats(-3.0, 60.0), min_size=2, max_size=3))
+def test_one_of_few_groups_at_most_is_hit(odds: list[float]) -> None:
+    """Against every way to hit none or one of them."""
+    each = np.array(odds)
+    for k, share in enumerate(HIT_SHARES):
+        chances = np.array([(1 - share) ** len(odds), *[share * (1 - share) ** (len(odds) - 1)] * len(odds)])
+        wanted = np.log(np.sum(chances * np.exp([0.0, *odds])) / chances.sum())
+        assert EigenSpectrum.spread(each[None, None])[0, k] == pytest.approx(wanted, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("shared", [0, 2])

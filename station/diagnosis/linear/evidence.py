@@ -26,6 +26,10 @@ COARSE_RATIOS = AMPLITUDE_RATIOS[::2]
 #: Shares of the groups that a rare cause may hit.
 HIT_SHARES = (0.003, 0.02, 0.1, 0.3)
 
+#: Groups of a unit of which one at most is taken for hit: its offset being free, of two runs the one is off by as much
+#: as the other is not, and to count both would count the same twice; of three each shows a quarter of another.
+FEW_GROUPS = 3
+
 #: The largest share of the sum of squares that a cause may take up: all of it leaves nothing to measure by.
 MAX_EXPLAINED_SHARE, MAX_EXPLAINED_SHARE_SINGLE = 1 - 1e-9, 1 - 1e-6
 
@@ -157,10 +161,15 @@ class EigenSpectrum:
     @staticmethod
     def spread(odds: Floats) -> Floats:
         """Log-likelihood (b, n, shares) of a scan whose groups have such log odds (b, n, U, G), if such a share of them
-        is hit."""
-        odds = odds.reshape(*odds.shape[:-2], -1)
+        is hit; of a few groups of a unit one at most."""
         share = np.array(HIT_SHARES, odds.dtype).reshape(-1, *[1] * odds.ndim)
-        return np.asarray(np.moveaxis(np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=-1), 0, -1))
+        if 1 < odds.shape[-1] <= FEW_GROUPS:
+            # Odds of a hit to none, of each group, and the chance that none or one is hit.
+            hit = (share / (1 - share))[..., 0]
+            found = np.logaddexp(0.0, np.log(hit) + np.logaddexp.reduce(odds, axis=-1)) - np.log1p(odds.shape[-1] * hit)
+        else:
+            found = np.logaddexp(np.log1p(-share), np.log(share) + odds).sum(axis=-1)
+        return np.asarray(np.moveaxis(found.sum(axis=-1), 0, -1))
 
     def judged(self, terms: Floats, sets: DataSets) -> Floats:
         """Log evidence (b, n) of the terms."""

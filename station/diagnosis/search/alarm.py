@@ -22,7 +22,7 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 12
+NULL_CACHE_VERSION = 13
 #: What of a recipe the bank is made from: the same name may stand for other positions.
 _DESIGN = {"sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"}
 #: A turn of the visits and a step of the walk below these shares of the noise change nothing that chance does: the turn
