@@ -223,7 +223,9 @@ def test_a_circle_in_one_plane_is_no_compass_turned_all_round(
     y = np.stack([90 + 30 * np.cos(turn), 180 + 28 * np.sin(turn), -430 + 3 * np.sin(3 * turn)], axis=1)
     y += np.cumsum(rng.normal(0, 0.05, y.shape), axis=0)
     path = saved(tmp_path / "table.csv", np.c_[np.arange(3000) / 50, y], header="time,mx,my,mz")
-    assert "these are no readings of a compass that is turned in a steady field: 3000 readings" in refused(capsys, path)
+    assert "mx, my, mz are no readings of a compass that is turned in a steady field: 3000 readings" in refused(
+        capsys, path
+    )
 
 
 @pytest.mark.parametrize("name", ["x,y,z", "est_linear_accel_x,est_linear_accel_y,est_linear_accel_z"])
@@ -344,7 +346,7 @@ def test_a_compass_that_goes_round_no_ellipsoid_is_told_so(
     field = {
         "cube": rng.uniform(-60, 60, (243, 3)),
         "plane": np.c_[40 * np.cos(angle), 30 * np.sin(angle), 20 + 0.1 * rng.standard_normal(243)],
-        "still": [30.0, -20.0, 25.0, *rng.standard_normal((243, 3))],
+        "still": np.array([30.0, -20.0, 25.0]) + rng.standard_normal((243, 3)),
         "few": sphere(rng, 8) * 48,
     }[shape]
     rows = np.c_[np.arange(len(field)) / 20, field] if stamps else field
@@ -352,3 +354,35 @@ def test_a_compass_that_goes_round_no_ellipsoid_is_told_so(
     assert re.search(said, err)
     assert "too short" not in err
     assert "Turn it all round about all axes, far from iron" in err
+
+
+@pytest.mark.parametrize("names", ["p,q,r", "roll_rate,pitch_rate,yaw_rate", "gyroRoll,gyroPitch,gyroYaw"])
+def test_turn_rates_as_aviators_call_them(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, names: str
+) -> None:
+    turn = np.repeat(np.r_[np.eye(3), -np.eye(3)], 400, axis=0) * 90 + 0.05 * rng.standard_normal((2400, 3))
+    rows = np.c_[np.arange(2400) / 100, turn, 44 + 0.1 * rng.standard_normal(2400)]
+    one = understood(capsys, saved(tmp_path / "log.csv", rows, header=f"t,{names},Mag Yaw"))
+    check(one, axes=names.split(","), reading_unit="deg/s", visits=6)
+
+
+@pytest.mark.parametrize(
+    "names", ["Latitude (°),Longitude (°),Altitude (m),Speed (m/s),Direction (°)", "ax,ay,AngleZ,pressure,humidity"]
+)
+def test_places_and_weather_are_no_axes(rng: np.random.Generator, tmp_path: Path, capsys: Capture, names: str) -> None:
+    rows = np.c_[np.arange(400.0), np.cumsum(rng.standard_normal((400, 5)), axis=0)]
+    assert "has no three columns that can be x, y and z" in refused(
+        capsys, saved(tmp_path / "log.csv", rows, header=f"time,{names}")
+    )
+
+
+def test_a_title_with_empty_cells_behind_it_is_no_row(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """As a maker of sensors writes it: the start above the header, with as many tabs as there are columns."""
+    y = tumble(rng)
+    lines = ["StartTime: 2022-08-10 08:58:06.422" + "\t" * 4, "address\tTime(s)\tax(g)\tay(g)\taz(g)"]
+    lines += [f"0x50\t{i / 100:.2f}\t{r[0]:.4f}\t{r[1]:.4f}\t{r[2]:.4f}" for i, r in enumerate(y)]
+    path = tmp_path / "imu.txt"
+    path.write_text("\n".join(lines) + "\n")
+    check(understood(capsys, str(path)), axes=["ax", "ay", "az"], raw_unit="g", rate_hz=100.0, visits=8)

@@ -63,7 +63,8 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     rows = [(i, split(line, delimiter, closed=closed)) for i, line in content]
     usual = _numeric_share([cells for _, cells in rows if len(cells) == columns][-50:])
     like_rows = (i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= 0.75 * usual)
-    first = next(like_rows, None)
+    # A title with empty cells behind it is no row.
+    first = next((i for i in like_rows if any(map(is_number, split(lines[i], delimiter)))), None)
     if first is None:
         raise SamplesError("no-table-of-numbers", file=file)
     data = [cells for i, cells in rows if i >= first]

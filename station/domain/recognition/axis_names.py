@@ -1,4 +1,4 @@
-"""Names that differ by x, y, z alone, or by three numbers."""
+"""Names that differ by x, y, z alone, or by three numbers; turn rates about roll, pitch and yaw."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -6,6 +6,11 @@ from collections.abc import Iterable, Iterator
 #: Axes as names number them.
 _NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
 _AXES = ("xyz", "012", "123")
+#: Turn rates as aviators call them, and what their names have in common then.
+_TURN = re.compile(r"roll|pitch|yaw")
+_TURNS = {"p": "x", "q": "y", "r": "z", "roll": "x", "pitch": "y", "yaw": "z"}
+_IS_RATE = re.compile(r"rate|gyr|omega|speed|dps")
+TURN_RATE = "turn rate"
 
 
 def triples(names: Iterable[tuple[int, str]]) -> Iterator[tuple[str, tuple[int, int, int]]]:
@@ -16,6 +21,11 @@ def triples(names: Iterable[tuple[int, str]]) -> Iterator[tuple[str, tuple[int, 
         for i, letter in enumerate(name):
             if letter in "xyz":
                 groups.setdefault((name[:i], name[i + 1 :]), {}).setdefault(letter, place)
+        turn = _TURN.search(name) if _IS_RATE.search(name) else None
+        if name in ("p", "q", "r") or turn:
+            about = turn.group() if turn else name
+            beside = _TURN.sub("", name) if turn else ""
+            groups.setdefault((TURN_RATE, beside), {}).setdefault(_TURNS[about], place)
         if numbered := _NUMBERED.match(name):
             groups.setdefault((numbered["stem"], "\0"), {}).setdefault(numbered["axis"], place)
     for (head, tail), places in groups.items():

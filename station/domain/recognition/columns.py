@@ -30,6 +30,12 @@ _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orien
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
 #: Triples that are computed and no readings, whatever their size.
 _COMPUTED = re.compile(r"^q$|quat|^pos|position|veloc|^vel|euler|attitude|orientation|angle", re.IGNORECASE)
+#: Columns of a table with names that are no axes, whatever their numbers.
+_OTHER = re.compile(
+    r"latitude|longitude|altitude|(^|[^a-z])(lat|lon|long|lng|alt|phi|theta|lux)($|[^a-z])|speed|bearing|heading|course"
+    r"|direction|distance|accuracy|satellit|hdop|pressure|humid|baro|volt|batter|illumin|rssi|roll|pitch|yaw|angle",
+    re.IGNORECASE,
+)
 #: Units of stamps.
 TIME_UNITS = ("s", "ms", "us", "ns")
 #: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.
@@ -40,6 +46,8 @@ LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
 MOST_LABELS, LEAST_LASTING = 2000, 8
 #: Rows of a list that has a name for each.
 LEAST_NAMED, MOST_NAMED = 3, 500
+#: What lies still and is gravity has its size within this share.
+NEAR_GRAVITY = 0.05
 #: A sensor that is turned shows means that scatter by this share of their magnitude.
 LEAST_TURN = 0.2
 
@@ -135,13 +143,17 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
         raise SamplesError(
             "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
         )
-    free = [i for i in table.numeric() if i not in assigned]
+    free = [i for i in table.numeric() if i not in assigned and not _is_other(table, i)]
     if len(free) < 3:
         raise SamplesError("no-three-axes", file=table.source, columns=", ".join(c.name for c in table.columns[:12]))
     runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]
     if len(free) > 3 and len(free) % 3 == 0:
         runs = runs[::3]
     return (runs[0] if len(runs) == 1 else _by_content(table, runs, quantity)), True, BY_CONTENT, ()
+
+
+def _is_other(table: RawTable, place: int) -> bool:
+    return table.named and _OTHER.search(table.columns[place].name) is not None
 
 
 def _names(table: RawTable, places: Axes) -> str:
@@ -207,11 +219,17 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     turns = turn > max(LEAST_TURN * size, float(np.median(scatter)))
     whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
     if not turns or not np.isfinite(spread):
-        return True, 1, spread
+        still = quantity.unit == "g" and not whole and _is_gravity(size, quantity)
+        return True, 1 - int(still), spread
     known = not whole and from_magnitude(means, quantity, whole=False).unit != "LSB"
     # Counts of a power of two a g are an accelerometer's.
     gravity = whole and quantity.unit == "uT" and from_magnitude(means, QUANTITIES["g"], whole=True).exact
     return False, int(not known) + int(gravity), spread
+
+
+def _is_gravity(size: float, quantity: Quantity) -> bool:
+    """Whether a magnitude is that of gravity in g or m/s²."""
+    return any(abs(size * quantity.factors[unit] - 1) < NEAR_GRAVITY for unit in ("g", "m/s²"))
 
 
 def _stretches(reading: Floats) -> Floats:

@@ -12,6 +12,7 @@ from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import visits
+from station.domain.recognition.quantities import QUANTITIES
 from station.domain.recognition.raw_table import RawTable
 from station.domain.recognition.recording import Recording
 from station.errors import SamplesError, UsageError, naming_file
@@ -21,6 +22,8 @@ from station.messages import Message
 LEAST_REST, LEAST_ORIENTATIONS = 0.5, 3
 #: Nor is one that rests for less than this share and comes back to one orientation every time.
 LEAST_REST_IN_ONE = 0.9
+#: A field that nothing but its size tells is turned through more than a few.
+LEAST_OF_A_FIELD = 6
 #: Or in few orientations with a magnitude that ranges over this share of itself: something pushed the unit.
 PUSHED = 0.1
 #: No sensor that is turned by a fixture or a hand reads more, deg/s.
@@ -144,7 +147,7 @@ def _refused_list(recording: Recording) -> SamplesError | None:
     if reason is None or (recording.unit != "uT" and reason.id == "list-in-one-pose"):
         return None
     what = "field-list" if recording.unit == "uT" else "unstamped-list"
-    return SamplesError(what, file=recording.source, reason=reason)
+    return SamplesError(what, file=recording.source, axes=recording.axes, reason=reason)
 
 
 def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:
@@ -223,8 +226,20 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     lengths = np.linalg.norm(means, axis=1)
     pushed = recording.unit == "g" and poses < visits.LEAST_POSES and np.ptp(lengths) > PUSHED * size
     comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
-    if comes_back or (share < LEAST_REST and (poses < LEAST_ORIENTATIONS or pushed)):
+    # Nothing but their size says that they are a field.
+    by_size = recording.unit == "uT" and recording.scale.inferred and not _named_a_field(recording)
+    if (
+        comes_back
+        or (by_size and poses < LEAST_OF_A_FIELD)
+        or (share < LEAST_REST and (poses < LEAST_ORIENTATIONS or pushed))
+    ):
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
+
+
+def _named_a_field(recording: Recording) -> bool:
+    """Whether the columns or the file are called so."""
+    return any(re.search(QUANTITIES["uT"].word, word) for word in re.split(r"[^a-z磁]+", " ".join(
+        (*recording.axes, recording.source)).lower()))  # fmt: skip
 
 
 def _check_turn_rate(recording: Recording, edges: NDArray[np.int64]) -> None:
