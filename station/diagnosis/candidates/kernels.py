@@ -47,8 +47,9 @@ _ACTS_BY = {
 }  # fmt: skip
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input", "position")
-#: The kernel of ripples faster than the visits, of which every frequency is tried at once (`search/ripple.py`).
-RIPPLE = "time*dwell-phase/ripple"
+#: Kernels without columns: ripples faster than the visits, every frequency at once (`search/ripple.py`), and states of
+#: the units that change at any visit (`search/hidden_state.py`).
+RIPPLE, STATE = "time*dwell-phase/ripple", "time/state"
 #: All kernels.
 KERNEL_NAMES = (
     *COVARIATES,
@@ -58,6 +59,7 @@ KERNEL_NAMES = (
     "temperature/place",
     "dwell-phase/fading",
     RIPPLE,
+    STATE,
 )
 #: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
 LAG, PLAY = 0.3, 0.4

@@ -8,7 +8,7 @@ import numpy as np
 from station.diagnosis.candidates import kernels as generic
 from station.diagnosis.candidates.bank import Bank, smooth_causes
 from station.diagnosis.candidates.projected_bank import visible_candidates
-from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS, NullDistribution, statistic
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
@@ -22,6 +22,7 @@ from station.diagnosis.search.finding import (
     unknown_finding,
 )
 from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel, compare_laws_with_scatter
+from station.diagnosis.search.hidden_state import find_state
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
@@ -34,6 +35,7 @@ from station.diagnosis.search.rank import (
 )
 from station.diagnosis.search.ripple import find_ripple
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
+from station.diagnosis.search.unseen import Unseen
 from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
@@ -180,18 +182,19 @@ class CauseSearch:
         around = marginalise_walks(problem, now)
         if self._null is None:
             self._null = self._null_of(problem, fitted, around)
-        ripple = find_ripple(problem, fitted.floor)
-        evidence = around.evidence() | {generic.RIPPLE: ripple.nats}
+        unseen = _unseen(problem, fitted.floor)
+        evidence = around.evidence() | {name: found.nats for name, found in unseen.items()}
         # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
         scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
-        surprise = max([statistic(self._null, evidence), ripple.surprise, *scatter])
+        surprise = max([statistic(self._null, evidence), *(found.surprise for found in unseen.values()), *scatter])
         return SearchState(problem, now, around, evidence, surprise, self._null.threshold)
 
     def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
         """Every cause and kernel at its best; without what has been found often enough already."""
         banks = tuple(s.bank for s in state.now.projected)
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
-        ranks[generic.RIPPLE] = RankedCause(generic.RIPPLE, state.evidence[generic.RIPPLE], None, state.now)
+        for name in (generic.RIPPLE, generic.STATE):
+            ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
         ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
         return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
 
@@ -247,7 +250,7 @@ class CauseSearch:
         bare = problem.without(i)
         fitted = bare.fit()
         now = score_bank(bare, self.banks.of(bare.view, self.undetectable), fitted.floor)
-        evidence = {generic.RIPPLE: find_ripple(bare, fitted.floor).nats}
+        evidence = {name: found.nats for name, found in _unseen(bare, fitted.floor).items()}
         state = replace(self.first, problem=bare, now=now, around=marginalise_walks(bare, now), evidence=evidence)
         ranks = self.ranks(state, [])
         if finding.name not in ranks or ranks[finding.name].best is None:
@@ -293,6 +296,11 @@ class CauseSearch:
             if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
                 return total + left - CHOICE_NATS, found
             cause = best
+
+
+def _unseen(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
+    """What no column of the bank shows, under its name as a kernel."""
+    return {generic.RIPPLE: find_ripple(problem, floor), generic.STATE: find_state(problem, floor)}
 
 
 def _with_forms_checked(

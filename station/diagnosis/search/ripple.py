@@ -8,7 +8,6 @@ the median of those around it.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -16,8 +15,8 @@ import scipy
 from station.diagnosis.data.reduce import NODES, mean_and_contrasts
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.search.alarm import UNKNOWN_NATS
 from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.unseen import NOTHING, Unseen
 from station.domain.core.types import Array, Floats
 
 #: From one frequency to the next, waves in the longest run; the fastest, waves in a dwell; the most that are tried.
@@ -30,26 +29,16 @@ AT_ONCE, AROUND = 64, 41
 RATIOS = np.geomspace(0.03, 300.0, 20)
 
 
-class Ripple(NamedTuple):
-    """Log evidence of the best ripples, averaged over all that were tried, and −log₁₀ p of the best one."""
-
-    nats: float
-    surprise: float
-
-
-NONE = Ripple(-np.inf, 0.0)
-
-
-def find_ripple(problem: ScoringProblem, floor: NoiseFloor) -> Ripple:
+def find_ripple(problem: ScoringProblem, floor: NoiseFloor) -> Unseen:
     """What ripples explain of the readings under a floor; nothing of few, of very long runs, or of lengths alone."""
     cycles_hz = _frequencies_hz(problem)
     if not len(cycles_hz):
-        return NONE
+        return NOTHING
     white, dof, share = _white_blocks(problem, floor)
-    levels = _levels(problem)
+    levels = _levels(problem, len(white))
     numbers = 6 * np.array([len(starts) for starts in levels], float)
-    if dof <= 2 * numbers.max():
-        return NONE
+    if dof <= 2 * numbers.max() or not white.any():
+        return NOTHING
     found = [_explained(problem, some, white, share, levels) for some in _parts(cycles_hz)]
     explained = np.concatenate(found, axis=1) * dof / float(np.sum(white**2))
     usual = numbers * (1 - 2 / (9 * numbers)) ** 3
@@ -59,8 +48,7 @@ def find_ripple(problem: ScoringProblem, floor: NoiseFloor) -> Ripple:
     chance = scipy.special.betainc((dof - numbers[:, None]) / 2, numbers[:, None] / 2, left).min() * left.size
     grown = RATIOS[:, None, None] / (1 + RATIOS[:, None, None])
     each = -0.5 * dof * np.log1p(-grown * explained / dof) - 0.5 * numbers[:, None] * np.log1p(RATIOS)[:, None, None]
-    nats = float(log_mean_exp(each.ravel()))
-    return Ripple(nats, -float(np.log10(np.clip(chance, 1e-300, 1.0))) if nats >= UNKNOWN_NATS else 0.0)
+    return Unseen.of(float(log_mean_exp(each.ravel())), chance)
 
 
 def _frequencies_hz(problem: ScoringProblem) -> Floats:
@@ -77,30 +65,23 @@ def _parts(cycles_hz: Floats) -> Iterator[Floats]:
     yield from np.split(cycles_hz, range(AT_ONCE, len(cycles_hz), AT_ONCE))
 
 
-def _white_blocks(problem: ScoringProblem, floor: NoiseFloor) -> tuple[Floats, float, float]:
+def _white_blocks(problem: ScoringProblem, floor: NoiseFloor) -> tuple[Floats, int, float]:
     """What is left of means and contrasts (v, B, 3) of some units in white noise, how many free numbers that is, and
     the noise of a sample beside that of a visit's mean."""
-    view = problem.view
-    moving = view.reduced.contrast.shape[1] > 0
-    space = problem.space(floor, moving=moving)
-    U, R, V = view.grid.slot.shape
-    residual, there = space.residual, view.grid.slot >= 0
-    stops = residual[:, : R * V * 3].reshape(U, R, V, 1, 3)
-    inside = residual[:, R * V * 3 : R * V * 3 + space.dwell].reshape(U, R, V, -1, 3)
-    every = np.concatenate([stops, inside], axis=3)[there]
-    order = np.argsort(view.grid.slot[there])
-    rows = every[order][: _visits_of_units(problem)]
-    return rows, space.dof * len(rows) / len(every), view.sigma / floor.noise
+    setting, _ = problem.setting.of_units(np.arange(min(problem.view.grid.units, MOST_UNITS)))
+    space = setting.space(floor, moving=problem.view.reduced.contrast.shape[1] > 0)
+    slot = setting.layout.grid.slot
+    residual, numbers = space.residual, slot[0].size * 3
+    stops = residual[:, :numbers].reshape(*slot.shape, 1, 3)
+    inside = residual[:, numbers : numbers + space.dwell].reshape(*slot.shape, -1, 3)
+    there = slot >= 0
+    white = np.concatenate([stops, inside], axis=3)[there][np.argsort(slot[there])]
+    return white, space.dof, problem.view.sigma / floor.noise
 
 
-def _visits_of_units(problem: ScoringProblem) -> int:
-    """How many visits the first units have."""
-    return int(np.searchsorted(problem.view.scene.visits.unit.code, MOST_UNITS))
-
-
-def _levels(problem: ScoringProblem) -> list[Array]:
-    """Where the visits of each run, of each unit, and of all begin; levels that are the same but once."""
-    visits, most = problem.view.scene.visits, _visits_of_units(problem)
+def _levels(problem: ScoringProblem, most: int) -> list[Array]:
+    """Where the first visits of each run, of each unit, and of all begin; levels that are the same but once."""
+    visits = problem.view.scene.visits
     runs = np.flatnonzero(visits.previous[:most] < 0)
     units = np.flatnonzero(np.diff(visits.unit.code[:most], prepend=-1))
     return list({len(starts): starts for starts in (runs, units, np.zeros(1, np.intp))}.values())
