@@ -8,7 +8,7 @@ points of a grid next to them, and its background lies between the frequencies o
 here is only promising, and judged by `phase_agreement.py` at the samples' own times.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import scipy
@@ -70,12 +70,10 @@ class DwellRecord:
         """The samples (3, points) of each stretch that is used, one at a time: all of them are mostly gaps."""
         for i in np.flatnonzero(self._weight > 0).tolist():
             here, later, values = (np.concatenate(parts, axis=-1) for parts in zip(*self._samples[i], strict=True))
-            record = np.empty((3, self.points), np.float32)
-            for axis in range(3):
-                part = values[axis] * later
-                parted = np.bincount(here, values[axis] - part, self.points + 1)
-                parted += np.bincount(here + 1, part, self.points + 1)
-                record[axis] = parted[:-1]
+            record, places = np.empty((3, self.points), np.float32), np.append(here, here + 1)
+            for axis, column in enumerate(values):
+                part = column * later
+                record[axis] = np.bincount(places, np.append(column - part, part), self.points + 1)[:-1]
             yield record
 
 
@@ -109,21 +107,22 @@ class MatchedSpectrum:
         """From one line to the next."""
         return float(1 / (self._points * self._step_s))
 
-    def add(self, record: DwellRecord, noise: Callable[[Floats], Floats], dwells: float) -> None:
-        """A record of whole units. noise: mean power (3, n) of a dwell of theirs at frequencies (n), a tone's own
-        included; dwells: how many count, by their weight."""
+    def add(self, record: DwellRecord, noise: Callable[[Floats], Sequence[Floats]], dwells: float) -> None:
+        """A record of whole units. noise: of three axes the mean power (n) of a dwell of theirs at frequencies (n), a
+        tone's own included; dwells: how many count, by their weight."""
         if not len(self._frequency):
             return
-        usual, total = np.maximum(noise(self._frequency), 1e-300), float(record.weight.sum())
+        total, usual = float(record.weight.sum()), [np.maximum(axis, 1e-300) for axis in noise(self._frequency)]
         turned = 2 * (1 - np.cos(2 * np.pi * self._step_s * self._frequency))
         stretches = zip(record.stretches(), record.weight.tolist(), record.parted.tolist(), strict=True)
         for samples, weight, parted in stretches:
             counted = dwells * weight / total
             if counted < LEAST_DWELLS:
                 continue
-            line = scipy.fft.rfft(samples)[:, self._band]
-            share = (line.real**2 + line.imag**2) / (weight * (1 - parted * turned) * usual)
-            self._found += np.sum(agreement(share / counted, counted), axis=0)
+            explained = weight * counted * (1 - parted * turned)
+            for axis, power in zip(samples, usual, strict=True):
+                line = scipy.fft.rfft(axis)[self._band]
+                self._found += agreement((line.real**2 + line.imag**2) / (explained * power), counted)
             self._stretches += 1
 
     def lines(self) -> tuple[Floats, float, float] | None:

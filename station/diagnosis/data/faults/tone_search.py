@@ -146,9 +146,9 @@ class ToneSearch:
         return ToneLine(self.tried[best : best + 1], float(gains[best]), tried, None) if significant else None
 
 
-def _between(tried_hz: Floats, power: Floats, frequency_hz: Floats) -> Floats:
-    """Powers (f, 3) of some frequencies at others (n): (3, n)."""
-    return np.stack([np.interp(frequency_hz, tried_hz, column) for column in power.T])
+def _between(tried_hz: Floats, power: Floats, frequency_hz: Floats) -> list[Floats]:
+    """Powers (f, 3) of some frequencies at others (n), of each axis."""
+    return [np.interp(frequency_hz, tried_hz, column) for column in power.T]
 
 
 def power(d: WhiteDwells, tried: Floats) -> Floats:
