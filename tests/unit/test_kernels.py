@@ -175,6 +175,12 @@ def _switch_of_the_temperature(view: ResidualView, rng: np.random.Generator) -> 
     return np.asarray((np.quantile(T, 0.62) < T)[:, None] * rng.standard_normal(3))
 
 
+def _air_that_rises(view: ResidualView, rng: np.random.Generator) -> Floats:
+    since, a = view.scene.since_power_s, resting_stimulus(view.scene)
+    assert since is not None
+    return np.asarray((np.exp(-since / 60.0) * a[:, 2])[:, None] * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
@@ -200,6 +206,7 @@ def _switch_of_the_temperature(view: ResidualView, rng: np.random.Generator) -> 
         (_gain_by_the_others, "input", 6, 1e-9),
         (_product_of_two_squares, "input", 9, 1e-9),
         (_switch_of_the_temperature, "temperature/place", 3, 0.2),
+        (_air_that_rises, "time*input", 9, 0.05),
     ],
 )
 def test_a_law_is_followed_in_few_numbers_under_its_own_words(

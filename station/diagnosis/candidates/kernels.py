@@ -27,7 +27,8 @@ from station.diagnosis.candidates.kernel_columns import (
     steps_before,
 )
 from station.diagnosis.candidates.motion_kernels import motion_kernels
-from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
+from station.diagnosis.candidates.temperature_kernels import temperature_kernels
+from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
 from station.model.effect import Effect
@@ -61,8 +62,6 @@ KERNEL_NAMES = (
     RIPPLE,
     STATE,
 )
-#: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
-LAG, PLAY = 0.3, 0.4
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
 #: Half waves of the kernel over a whole campaign.
@@ -72,8 +71,6 @@ INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
 #: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
 #: wave.
 SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
-#: Where among the temperatures something may switch, or be alone, and over what share of their range.
-SWITCH_QUANTILES, BUMP_QUANTILES, BUMP_SHARE = (0.2, 0.35, 0.5, 0.65, 0.8), (0.25, 0.4, 0.55, 0.7), 0.12
 #: Pallets of a carousel that come by turns.
 PALLETS = 3
 #: From one ripple to the next faster one, waves in a run; visits of the longest run of which they are looked for.
@@ -82,8 +79,20 @@ RIPPLE_STEP, MOST_RIPPLED = 0.8, 64
 
 def kernel_candidates(view: ResidualView) -> list[Candidate]:
     """Every kernel that these data can show."""
-    still = (_time, _ripple, _order, _position, _temperature, _input, _unit, _group, _motor, _products, _swinging_gain)
-    makers = (*still, motion_kernels, _heated_by_pose, _changing_rig, dwell_kernels)
+    still = (
+        _time,
+        _ripple,
+        _order,
+        _position,
+        temperature_kernels,
+        _input,
+        _unit,
+        _group,
+        _motor,
+        _products,
+        _swinging_gain,
+    )
+    makers = (*still, motion_kernels, _changing_rig, dwell_kernels)
     return [candidate for make in makers for candidate in make(view)]
 
 
@@ -211,40 +220,6 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
         yield grouped_kernel("position", "unit-position", *packed_codes(code), _ones(view))
 
 
-def _temperature(view: ResidualView) -> Iterator[Candidate]:
-    """Curves and waves of temperature, as stairs of a compensation leave, and what remembers it."""
-    T = view.scene.temperature_degC
-    if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE:
-        return
-    # A bend or two of what a straight line leaves, or any curve.
-    for degree in (3, 6):
-        columns = StopColumns.of(each_axis(legendre.legvander(scaled(T), degree)[:, 1:]))
-        for of in levels_that_differ(view, "unit", "common"):
-            yield kernel("temperature", of, view, columns)
-    for cycles in SWINGS[1:]:
-        wave = np.pi * cycles * scaled(T)
-        yield from kernels_at(
-            view, "temperature/ripple", each_axis(np.stack([np.cos(wave), np.sin(wave)], axis=1)), "unit", "common"
-        )
-    yield from _temperature_places(T, view)
-    memory = TemperatureMemory.of(view.scene)
-    if memory is not None:
-        # What lags behind it, or is on another branch while it rises.
-        branches = [memory.branch(PLAY, start) for start in (-1.0, 1.0)]
-        functions = np.stack([(T - memory.lagged(LAG)) / memory.range_degC, *branches], axis=1)
-        columns = StopColumns.of(each_axis(functions))
-        for of in levels_that_differ(view, "unit", "common"):
-            yield kernel("temperature", of, view, columns)
-
-
-def _temperature_places(T: Floats, view: ResidualView) -> Iterator[Candidate]:
-    """What switches at a temperature, or is there near one alone: of one number an axis, where a curve has many."""
-    switches = [(np.quantile(T, q) < T).astype(float) for q in SWITCH_QUANTILES]
-    bumps = [np.exp(-0.5 * ((T - np.quantile(T, q)) / (BUMP_SHARE * np.ptp(T))) ** 2) for q in BUMP_QUANTILES]
-    for x in (*switches, *bumps):
-        yield from kernels_at(view, "temperature/place", each_axis(x[:, None]), "unit", "common")
-
-
 def _input(view: ResidualView) -> Iterator[Candidate]:
     """Every product of two or three components of the true vector on every axis, that of the two others alone, or some
     waves of its own."""
@@ -335,17 +310,6 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
                 columns = StopColumns.of(forms * factor[one][:, :, :1])
                 for of in levels_that_differ(view, "unit", "common"):
                     yield kernel(name, of, view, columns)
-
-
-def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
-    """What each axis takes of any while the temperature changes: a flow of heat that turns with the part."""
-    memory, rate = TemperatureMemory.of(view.scene), view.scene.temperature_rate
-    if memory is None or rate is None:
-        return
-    a = resting_stimulus(view.scene, view.active)
-    for x in (np.sign(rate), (memory.temperature_degC - memory.lagged(LAG)) / memory.range_degC):
-        if np.ptp(x) > 0:
-            yield from kernels_at(view, "temperature*input", each_axis(a) * x[:, None, None], "unit", "common")
 
 
 def _products_of_axes(a: Floats) -> tuple[Floats, Floats]:
