@@ -6,14 +6,20 @@ import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
+from station.diagnosis.data.reduce import visit_means
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.measured import MeasuredCampaign
+from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, propose, run_menu
 from station.domain.core.types import SampleTable
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
 from station.wiring.jobs import load_job
+from tests.blind.bench import hide
+from tests.blind.hidden import KNOWN
+from tests.blind.inspection import diagnosis_of
+from tests.blind.recipes import six_faces
 
 
 @pytest.mark.parametrize("variance", FLOOR_CAUSES)
@@ -25,6 +31,21 @@ def test_a_tie_with_a_variance_of_the_floor_is_no_pair_to_part(variance: str) ->
     campaign = MeasuredCampaign(recipe, units=2, nests=2, floor=NoiseFloor(1e-4, 0.0, 0.0))
     proposal = propose(campaign, [CauseTie(found, (variance,))])
     assert proposal is None
+
+
+def test_causes_that_scatter_is_tied_with_are_parted_from_one_another() -> None:
+    """Scatter leads where a warm-up, a creep and a drift are weak, each as likely: a run parts them all the same."""
+    faces = six_faces("listed")
+    d = diagnosis_of(faces, hide(faces, KNOWN["warm-up"], 3, units=4, d=12.0)[0])
+    found = next(c for c in d.causes if "warm-up" in (c.finding.name, *c.finding.indistinguishable_from))
+    members = tuple(dict.fromkeys((found.finding.name, *found.finding.indistinguishable_from)))
+    assert len(set(members) - set(FLOOR_CAUSES)) > 1
+    tied = (*(m for m in members if m != "bias-walk"), "repeatability")
+    scatter = replace(found.finding, name="bias-walk", accepted=None, indistinguishable_from=tied, d=0.0)
+    document, proposal = next_run(replace(d, causes=(replace(found, finding=scatter, estimate=None),)))
+    assert document is not None and proposal is not None
+    assert set(proposal.separates) <= set(members) - set(FLOOR_CAUSES)
+    assert proposal.certainty > 0.5
 
 
 def once_measured(units: int) -> tuple[MeasuredCampaign, SampleTable]:
@@ -45,8 +66,10 @@ def test_a_plan_holds_what_was_measured_as_it_was_and_units_go_on_to_the_next_ne
     scene = with_one_more(campaign, "one run once more in the next nest").problem.view.scene
     assert scene.temperature_degC is not None
     old = scene.visits.run == 0
-    measured = [table.values["temperature_degC"][(table.unit.code == 0) & (table.visit == v)].mean() for v in range(6)]
-    assert scene.temperature_degC[old][:6] == pytest.approx(measured, abs=1e-6)
+    measured = visit_means(table, 6 * table.unit.code + table.visit)
+    assert scene.time_s[old] == pytest.approx(measured.time_s, abs=1e-6)
+    # A smooth course through the old and the new: no further from what was read than the thermometer is, .02 degC.
+    assert scene.temperature_degC[old] == pytest.approx(measured.values["temperature_degC"], abs=3 * 0.02)
     code, _ = scene.visits.group("nest", 1)
     assert len(np.unique(code)) == 2
     for unit in range(2):

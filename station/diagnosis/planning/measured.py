@@ -64,7 +64,10 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     visits = d.last.view.scene.visits
     nests = len(visits.group("nest", 1)[1]) if "nest" in visits.groups else 1
     units = min(len(d.samples.units), MAX_PLANNED_UNITS)
-    return MeasuredCampaign(d.recipe, units, nests, d.floor.floor, bench_of(d.last.view.scene), _few_samples(d))
+    # Scatter that is tied with a cause is none where the cause is true.
+    tied = any(c.estimate is None and c.finding.indistinguishable_from for c in d.causes)
+    floor = d.search_result.first.fit().floor if tied else d.floor.floor
+    return MeasuredCampaign(d.recipe, units, nests, floor, bench_of(d.last.view.scene), _few_samples(d))
 
 
 def _few_samples(d: Diagnosis) -> SampleTable | None:

@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 
 from station import plugins
+from station.diagnosis.candidates.bank import FLOOR_CAUSES
 from station.diagnosis.planning.measured import measured_campaign
 from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, Proposal, propose
 from station.diagnosis.results.diagnose import Cause, Diagnosis
+from station.diagnosis.search.distinguishability import estimate_signal
+from station.diagnosis.search.scoring import score_bank
 from station.errors import RecipeError
 from station.model.effect import Effect
 from station.model.model_file import EFFECTS
@@ -37,7 +40,7 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
 
 def ties_of(d: Diagnosis) -> list[CauseTie]:
     """The causes that are tied with others, as a plan sees them."""
-    return [t for c in d.causes if c.finding.indistinguishable_from and (t := _tie(c)) is not None]
+    return [t for c in d.causes if c.finding.indistinguishable_from and (t := _tie(d, c)) is not None]
 
 
 def _formula_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
@@ -73,10 +76,32 @@ def _tie_breakers(members: Collection[str]) -> Iterator[str]:
         yield from (text for other, text in kind.separated_by if other in members)
 
 
-def _tie(c: Cause) -> CauseTie | None:
-    """A cause with those it is tied with; None of a variance of the floor."""
-    if c.estimate is None or c.estimate.item.candidate.effect is None:
+def _tie(d: Diagnosis, c: Cause) -> CauseTie | None:
+    """A cause with those it is tied with; of a variance of the floor these alone, None where they are one or none."""
+    if c.estimate is None:
+        return _tie_beside_scatter(d, c)
+    if c.estimate.item.candidate.effect is None:
         return None
     size = float(np.sqrt(np.mean(c.estimate.value[c.estimate.item.hit] ** 2)))
     found = CauseHypothesis(c.estimate.item.candidate.effect, c.estimate.item.candidate.of, size)
     return CauseTie(found, c.finding.indistinguishable_from, c.finding.d, c.finding.probability)
+
+
+def _tie_beside_scatter(d: Diagnosis, c: Cause) -> CauseTie | None:
+    """Those that scatter is tied with, the likeliest first, as strong as they are where nothing scatters beyond what is
+    healthy. Scatter has no course that a run could be planned for; a run that parts the others parts them from it."""
+    problem, names = d.search_result.first, set(c.finding.indistinguishable_from) - set(FLOOR_CAUSES)
+    likely = sorted(names, key=lambda name: (-c.finding.probability.get(name, 0.0), name))
+    if len(likely) < 2:
+        return None
+    floor = problem.fit().floor
+    now = score_bank(problem, d.search_result.banks.of(problem.view, d.search_result.undetectable), floor)
+    evidence = zip(now.candidates, now.readings().evidence[0], strict=True)
+    each = [(value, best) for best, value in evidence if best.name == likely[0] and best.effect is not None]
+    if not each:
+        return None
+    best = max(each, key=lambda pair: pair[0])[1]
+    hit = now.hit(best, problem.view).astype(float)
+    found = estimate_signal(best, problem.view, problem.space(floor, moving=best.moving), hit)
+    assert best.effect is not None
+    return CauseTie(CauseHypothesis(best.effect, best.of, 1.0), tuple(likely[1:]), found.d, c.finding.probability)
