@@ -24,7 +24,7 @@ from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
 from station.diagnosis.search import alarm
 from station.diagnosis.search.alarm import NullDistribution
-from station.diagnosis.search.cause_search import NullFactory
+from station.diagnosis.search.search_state import NullFactory
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.domain.records.stored_attempt import utc_day

@@ -9,20 +9,22 @@ import pytest
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.imitators import _in_noise_of, _rest
-from station.diagnosis.search.cause_search import CauseSearch
 from station.diagnosis.search.form_check import compare_laws
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view
 from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.search_state import CauseSearch
+from station.diagnosis.search.second_look import judged_again
 from station.domain.core.types import Floats
 from station.domain.recipe.blocks import DwellRule
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import Hidden, World, hide
 from tests.blind.hidden import KNOWN
-from tests.blind.inspection import null_of, searched
+from tests.blind.inspection import diagnosis_of, null_of, searched
 from tests.blind.recipes import recipe, six_faces
+from tests.portion import portion
 
 SEED = int(os.environ.get("SEED", "1"))
 
@@ -76,7 +78,7 @@ def test_a_cause_that_another_leaves_nothing_is_dropped() -> None:
     ranks = search.ranks(search.first, [])
     blur = search.accepted(search.first, ranks, ranks["bias-drift"])
     true = search.accepted(blur[1], search.ranks(blur[1], []), ranks["hysteresis"])
-    findings, state = search.judged_again(true[1], (blur[0], true[0]))
+    findings, state = judged_again(search, true[1], (blur[0], true[0]))
     assert [f.name for f in findings] == ["hysteresis"]
     assert [a.candidate.name for a in state.problem.accepted] == ["hysteresis"]
     assert not state.alarms
@@ -109,3 +111,33 @@ def test_visits_that_are_wrong_near_each_other_in_one_run_are_nothing_that_fades
     assert state.problem.accepted[0].hit.sum() == len(neighbours)
     judged = compare_laws(state.problem, 0, finding.floor).judged(finding)
     assert judged.set_probability > 0.8, judged.doubts
+
+
+def with_a_jump(slow: str, late: int = 12) -> Hidden:
+    """A slow cause of all units beside a jump of one unit in one run."""
+
+    def hidden(w: World, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        felt, added = KNOWN[slow](w, rng)
+        jumped = (w.unit == 0) & (w.run == w.run.max()) & (w.visit >= late)
+        return felt, added + jumped[:, None] * np.array([6e-4, -6e-4, 5e-4])
+
+    return hidden
+
+
+@pytest.mark.parametrize("slow", portion(["offset-temperature", "bias-drift", "warm-up"]))
+def test_a_jump_beside_a_slow_cause_takes_up_nothing_of_it(slow: str) -> None:
+    table, _ = hide(recipe(), with_a_jump(slow), 300 + SEED)
+    found = searched(recipe(), table).findings
+    assert len(found) == 2
+    (jump,) = (f for f in found if f.name == "step")
+    assert jump.accepted is not None and jump.accepted.hit.sum() == 1
+    (other,) = (f for f in found if f is not jump)
+    assert slow in (other.name, *other.indistinguishable_from)
+
+
+def test_a_jump_that_few_visits_see_pays() -> None:
+    kind = six_faces("listed", "reversed", "listed", "reversed")
+    table, _ = hide(kind, with_a_jump("cross-axis", late=3), 310 + SEED)
+    found = diagnosis_of(kind, table)
+    assert {c.finding.name for c in found.causes} == {"cross-axis", "step"}
+    assert all(c.gain.accepted for c in found.causes)

@@ -20,9 +20,9 @@ from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term,
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
-from station.diagnosis.results.gain import HeldOutGain
 from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm
 from station.diagnosis.results.imitators import simplest_explanation
+from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
@@ -121,6 +121,14 @@ def test_another_spelling_of_its_law_takes_the_place_of_no_cause() -> None:
     assert [item.candidate.name for item in paying] == ["warm-up"]
     found = simplest_explanation(d.search_result, d.last, paying, d.samples, whole=True, doubtful=True)
     assert [id(item) for item in found.causes] == [id(item) for item in paying]
+
+
+def test_a_formula_that_takes_the_place_of_causes_says_on_what_the_rest_depends(found: Diagnosis) -> None:
+    formula = found.hypotheses
+    assert formula is not None and formula.covariates
+    doubtful = replace(formula, complete=False)
+    assert doubtful.words_of_rest(()) == formula.words_of_rest(("order",)) == formula.covariates
+    assert doubtful.words_of_rest(("order",)) == ("order",)
 
 
 def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whole_grammar() -> None:

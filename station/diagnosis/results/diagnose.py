@@ -16,16 +16,13 @@ from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
-from station.diagnosis.results.gain import HeldOutGain, held_out_gain
 from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
-from station.diagnosis.search.cause_search import (
-    NullFactory,
-    SearchResult,
-    search_causes,
-)
+from station.diagnosis.search.cause_search import SearchResult, search_causes
 from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.held_out_gain import HeldOutGain, held_out_gain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.search_state import NullFactory
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
@@ -147,7 +144,7 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
         d.search_result, d.last, paying, d.samples, whole=not d.depends_on, doubtful=doubtful
     )
     found = explanation.formula
-    words = found.covariates if found is not None and found.complete else d.depends_on
+    words = d.depends_on if found is None else found.words_of_rest(d.depends_on)
     # Beside a formula, a cause that nothing held out confirms is a shadow of it.
     shadows = found is not None and bool(found.terms and d.causes) and not paying
     if len(explanation.causes) == len(paying) and not shadows:

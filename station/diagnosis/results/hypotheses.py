@@ -15,8 +15,8 @@ from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import TermFit, TermSpace, accepted, candidate_of, constant_stds
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, joint_coefficients
-from station.diagnosis.results.gain import HeldOutGain, gain_together, held_out_gain
 from station.diagnosis.search.cause_search import SearchResult
+from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together, held_out_gain
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
@@ -54,6 +54,11 @@ class Hypotheses:
     def covariates(self) -> tuple[str, ...]:
         """Words of `unknown.depends_on` for what its terms depend on."""
         return tuple(dict.fromkeys(word for t in self.terms for word in term_covariates(t.found.fit.term)))
+
+    def words_of_rest(self, left: tuple[str, ...]) -> tuple[str, ...]:
+        """On what that depends which no cause explains, where the words before the formula were `left`: it may stand in
+        the place of causes that left nothing."""
+        return self.covariates if self.complete or not left else left
 
 
 def propose_formula(

@@ -22,7 +22,8 @@ from station.diagnosis.discovery.discover import MAX_TERMS
 from station.diagnosis.discovery.price import price
 from station.diagnosis.discovery.rest import is_noise, visit_noise
 from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
-from station.diagnosis.search.cause_search import CHOICE_NATS, SearchResult
+from station.diagnosis.search.cause_chains import CHOICE_NATS
+from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.problem import problem_in_view, refined
 from station.diagnosis.search.scoring import ScoringProblem
 

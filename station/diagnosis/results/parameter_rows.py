@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from station.diagnosis.results.estimate import Estimate
-from station.diagnosis.results.gain import HeldOutGain
+from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.model.effect import Effect, unit_in
 
 

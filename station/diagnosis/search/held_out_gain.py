@@ -3,7 +3,8 @@
 The white rows of the visits are independent, so a part of them can be held out and predicted from the rest. What is
 held out respects the cause: visits where each unit has its own coefficient, units where all share one (the held-out
 unit then keeps only its own calibration), samples where one visit alone is hit. The score is the logarithmic one, its
-standard error that of the sum of the paired differences of the visits.
+standard error that of the sum of the paired differences of the visits, or where few of them move, that of their white
+noise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,6 +27,9 @@ SLOW_COVARIATES = frozenset({"time_s", "temperature_degC", "temperature_rate", "
 #: Weight of a held-out row in the fit. Where a bias walks, only the first visits tell the offset: without them it
 #: would be rounding magnified. So what the rest cannot say is taken from them, on both sides of the comparison.
 HELD_WEIGHT = 1e-3
+#: So few stops, each counted by how far it moves, do not tell how much it scatters what one of them gains: of four that
+#: gain the same the sum is never more than twice its standard error.
+FEW_STOPS = 12
 #: Pairs into which one visit's data are split by noise.
 FISSIONS = 4
 
@@ -65,12 +69,12 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     by = _held_out_by(problem, items[0])
     tests = [_HeldOutTest(side, floor, moving=moving) for side in sides]
     score = np.zeros(problem.view.grid.slot.shape)
-    squares, rows, shift = np.zeros(2), 0.0, 0.0
+    squares, rows, moved = np.zeros(2), 0.0, np.zeros(score.shape)
     for held in _folds(problem, by):
         both = [test.predicted(held, by) for test in tests]
         score += both[0].half_squares - both[1].half_squares
         squares += [p.raw for p in both]
-        shift += both[0].distance(both[1])
+        moved += tests[0].by_visit((both[0].rows - both[1].rows) ** 2)
         rows += tests[0].size(held)
     before, after = np.sqrt(squares / max(rows, 1.0))
     floor_rms = tests[0].floor_rms(floor)
@@ -78,9 +82,10 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
     stops = score[problem.view.grid.slot >= 0]
     total = float(stops.sum())
-    # What one stop says of itself has no other stops to be compared with: the standard deviation of its log-likelihood
-    # ratio is the length of what moves in white data.
-    std_error = float(np.sqrt(len(stops)) * np.std(stops)) if by != "sample" else float(np.sqrt(shift))
+    # Where few stops move, they do not tell how much it scatters what they gain; the standard deviation of their
+    # log-likelihood ratio is the length of what moves in white data.
+    few = by == "sample" or float(np.sum(moved)) ** 2 < FEW_STOPS * float(np.sum(moved**2))
+    std_error = float(np.sqrt(np.sum(moved)) if few else np.sqrt(len(stops)) * np.std(stops))
     return HeldOutGain(by, float(before), float(after), explained, total, std_error)
 
 
@@ -127,10 +132,6 @@ class _Prediction(NamedTuple):
     rows: Floats
     raw: float
 
-    def distance(self, other: "_Prediction") -> float:
-        """Sum of squares of what two predictions of the same rows differ by."""
-        return float(np.sum((self.rows - other.rows) ** 2))
-
 
 class _HeldOutTest:
     """One side of the comparison, ready to be fitted to a part of the data and judged by the rest."""
@@ -154,7 +155,7 @@ class _HeldOutTest:
         if by == "unit":
             solved = self._recalibrated(solved)
         white = self.white.residual(solved) * held_rows
-        return _Prediction(0.5 * self._by_visit(white**2), self._measured(white), self._raw(solved, held))
+        return _Prediction(0.5 * self.by_visit(white**2), self._measured(white), self._raw(solved, held))
 
     def _split_by_noise(self, held: Floats) -> "_Prediction":
         """The same for one visit: two data sets of twice the variance are made by adding and taking off noise, which
@@ -166,7 +167,7 @@ class _HeldOutTest:
             noise = rng.standard_normal(self.white.data.shape)
             ends = [replace(self.white, data=self.white.data + s * noise) for s in (1, -1)]
             for fitted, judged in (ends, ends[::-1]):
-                squares = squares + 0.25 * self._by_visit(judged.residual(solve(fitted)) ** 2) / FISSIONS
+                squares = squares + 0.25 * self.by_visit(judged.residual(solve(fitted)) ** 2) / FISSIONS
         solved = solve(self.white)
         return _Prediction(squares, self._measured(self.white.residual(solved)), self._raw(solved, held))
 
@@ -190,8 +191,8 @@ class _HeldOutTest:
         rest = np.zeros((U, self.white.data.shape[1] - stop.shape[1] - dwell.shape[1]))
         return np.concatenate([stop, dwell, rest], axis=1)
 
-    def _by_visit(self, rows: Floats) -> Floats:
-        """White rows (U, M) summed up by stop (U, R, V)."""
+    def by_visit(self, rows: Floats) -> Floats:
+        """White rows (U, M), with those of the priors or without, summed up by stop (U, R, V)."""
         U, R, V = self.side.view.grid.slot.shape
         a, b = self.white.stops, self.white.stops + self.white.dwell
         parts = (rows[:, :a], rows[:, a:b])

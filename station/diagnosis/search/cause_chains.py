@@ -1,0 +1,77 @@
+"""Several causes that together explain what one cause, or a kernel, does alone: chains of them, one after the other."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from station.diagnosis.search.alarm import UNKNOWN_NATS
+from station.diagnosis.search.chain_starts import first_of_chains, parts_of_cause
+from station.diagnosis.search.finding import KERNEL_MARGIN, CauseFinding
+from station.diagnosis.search.rank import RankedCause, leaders
+from station.diagnosis.search.search_state import EVIDENT_NATS, MAX_REPEATS, CauseSearch, SearchState
+
+#: Causes that are tried together against a kernel, and what it costs to choose one more, in nats: one of twenty.
+MAX_CHAIN, CHOICE_NATS = 3, 3.0
+
+#: Causes found one after the other, each with the state that it leaves.
+Chain = list[tuple[CauseFinding, SearchState]]
+
+
+def in_parts(
+    search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause, before: Sequence[str]
+) -> Chain:
+    """The cause, or several of few numbers that together explain more than one of many does alone."""
+    accepted = search.accepted(state, ranks, cause)
+    parts = parts_of_cause(state.problem, ranks, cause)
+    if not parts or accepted[1].alarms:
+        return [accepted]
+    # A cause that is known already is no other part.
+    never_again = [*before, *before, *[cause.name] * MAX_REPEATS]
+    tried = [chain_from(search, first, state, ranks, never_again) for first in parts if first.name not in before]
+    simpler = [
+        (value, found)
+        for value, found in tried
+        if not found[-1][1].alarms and sum(f.numbers for f, _ in found) <= accepted[0].numbers
+    ]
+    value, found = max(simpler, default=(-np.inf, []), key=lambda pair: pair[0])
+    if value > cause.evidence:
+        return found
+    return [(accepted[0].beside(value - cause.evidence), accepted[1])]
+
+
+def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]) -> Chain:
+    """Causes, one after the other, that together explain at least what the leading kernel does; none where there
+    are no such.
+
+    Alone each may explain next to nothing, as what the others do passes for noise; so each of the best few is tried
+    as the first. Both ways end in data that a kernel may still follow: the evidence of all steps is compared, and
+    each further cause is one more choice out of the library.
+    """
+    kernel = leaders(ranks)[1]
+    target = 0.0 if kernel is None else kernel.evidence
+    causes = first_of_chains(state.problem, ranks, kernel)
+    tried = [chain_from(search, first, state, ranks, before) for first in causes]
+    value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
+    # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to. Where
+    # nothing is left, the kernel must beat them by its share, as it must beat a single cause.
+    margin = UNKNOWN_NATS if found and found[-1][1].alarms else -KERNEL_MARGIN * value
+    return found if value >= target + margin else []
+
+
+def chain_from(
+    search: CauseSearch, cause: RankedCause, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]
+) -> tuple[float, Chain]:
+    """The evidence of a cause and of those that are evident after it, with what a kernel then still explains."""
+    total, found = 0.0, Chain()
+    while True:
+        total += cause.evidence - CHOICE_NATS * bool(found)
+        found.append(search.accepted(state, ranks, cause))
+        state = found[-1][1]
+        if not state.alarms:
+            return total, found
+        ranks = search.ranks(state, [*before, *(f.name for f, _ in found)])
+        best, rival = leaders(ranks)
+        left = 0.0 if rival is None else max(rival.evidence, 0.0)
+        if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
+            return total + left - CHOICE_NATS, found
+        cause = best

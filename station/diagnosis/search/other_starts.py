@@ -1,0 +1,72 @@
+"""Whether causes that begin with another one than the leader explain more together.
+
+The first cause is chosen alone. A jump that may be in any run takes up what a warm-up does in all of them, and what it
+leaves is no longer seen. So each of the best few is set beside whatever fits best next to it, all under one floor: as
+cheap as one look at the bank. Only what is then ahead is looked for in full.
+"""
+
+from collections.abc import Mapping
+
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.search.cause_chains import CHOICE_NATS, Chain, chain_from
+from station.diagnosis.search.held_out_gain import held_out_gain
+from station.diagnosis.search.rank import RankedCause, causes_of
+from station.diagnosis.search.scoring import ScoringProblem, evidence_by_cause, score_bank
+from station.diagnosis.search.search_state import CauseSearch, SearchState
+
+#: Causes that are set beside another one, and pairs that are looked for in full.
+MAX_STARTS, MAX_PAIRS = 4, 2
+#: What begins with another cause must be so many nats ahead, odds of twenty.
+AHEAD_NATS = 3.0
+
+
+def best_of_starts(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], found: Chain) -> Chain:
+    """What was found from a state with such ranks, or what begins with another cause, explains clearly more and leaves
+    nothing."""
+    if not found or any(f.words for f, _ in found):
+        return found
+    least = _value(found) + AHEAD_NATS
+    tried = set[str]()
+    for value, names in _pairs(search, state.problem, ranks, {f.name for f, _ in found}):
+        if value <= least or len(tried) >= 2 * MAX_PAIRS:
+            break
+        for name in names:
+            first = ranks.get(name)
+            if name in tried or name == found[0][0].name or first is None or first.best is None:
+                continue
+            tried.add(name)
+            other = chain_from(search, first, state, ranks, ())[1]
+            if _value(other) > least and not other[-1][1].alarms and _pays(search, other):
+                found, least = other, _value(other)
+    return found
+
+
+def _value(found: Chain) -> float:
+    """The evidence of causes one after the other, each further one being one more choice."""
+    return sum(f.evidence[f.name] for f, _ in found) - CHOICE_NATS * (len(found) - 1)
+
+
+def _pays(search: CauseSearch, found: Chain) -> bool:
+    """Whether each of the causes gains on held-out data beside the others."""
+    last, first = found[-1][1], len(search.first.problem.accepted)
+    smooth = [f for f, _ in found if f.accepted is not None]
+    return all(held_out_gain(last.problem, first + i, last.now.floor).accepted for i in range(len(smooth)))
+
+
+def _pairs(
+    search: CauseSearch, problem: ScoringProblem, ranks: Mapping[str, RankedCause], found: set[str]
+) -> list[tuple[float, tuple[str, str]]]:
+    """What the likeliest causes, and those that were found, explain with the best partner of each; the most first."""
+    visible = (r for r in causes_of(ranks) if r.best is not None and r.evidence > 0 and r.at.shows(r.best))
+    causes = sorted(visible, key=lambda r: (r.name in found, r.evidence), reverse=True)[:MAX_STARTS]
+    return sorted((_with_partner(search, problem, r) for r in causes), reverse=True)
+
+
+def _with_partner(search: CauseSearch, problem: ScoringProblem, cause: RankedCause) -> tuple[float, tuple[str, str]]:
+    """The evidence of a cause and of the best one beside it, and their names."""
+    assert cause.best is not None
+    known = problem.with_accepted((*problem.accepted, cause.at.accept(cause.best, problem.view)))
+    now = score_bank(known, search.banks.of(known.view, search.undetectable), known.fit(cause.at.floor).floor)
+    evidence = evidence_by_cause(now.candidates, now.readings().evidence)
+    value, partner = max((float(e[0]), n) for n, e in evidence.items() if n not in KERNEL_NAMES)
+    return cause.evidence + value - CHOICE_NATS, (cause.name, partner)

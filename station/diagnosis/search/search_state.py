@@ -1,0 +1,151 @@
+"""The state of a search: what is accepted so far, the bank in it, and the ranking that it makes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.diagnosis.candidates import kernels as generic
+from station.diagnosis.candidates.bank import Bank, smooth_causes
+from station.diagnosis.candidates.projected_bank import visible_candidates
+from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
+from station.diagnosis.search.alarm import NullDistribution, statistic
+from station.diagnosis.search.best_form import tune_forms
+from station.diagnosis.search.candidate_banks import CandidateBanks
+from station.diagnosis.search.finding import CauseFinding, cause_finding
+from station.diagnosis.search.hidden_state import find_state
+from station.diagnosis.search.problem import refined
+from station.diagnosis.search.rank import (
+    RankedCause,
+    keep_best,
+    leaders,
+    rank_causes,
+    variance_gains,
+    variance_surprise,
+    with_free_variance,
+)
+from station.diagnosis.search.ripple import find_ripple
+from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
+from station.diagnosis.search.unseen import Unseen
+from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
+
+NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
+
+#: A cause beside a grown floor must gain so many nats to come before it.
+EVIDENT_NATS = 6.0
+#: How often one and the same cause may be found.
+MAX_REPEATS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchState:
+    """The problem with what is accepted so far, the bank in it, and whether anything alarms."""
+
+    problem: ScoringProblem
+    now: ScoredBank
+    around: WalkMarginal
+    evidence: Mapping[str, float]
+    statistic: float
+    threshold: float
+
+    @property
+    def alarms(self) -> bool:
+        """Whether anything is left to explain."""
+        return self.statistic > self.threshold
+
+
+class CauseSearch:
+    """The state of a search: the causes that these data cannot show, and the null distribution at the first step."""
+
+    def __init__(self, problem: ScoringProblem, null_of: NullFactory) -> None:
+        self._null_of = null_of
+        self._null: NullDistribution | None = None
+        self.undetectable: tuple[str, ...] = ()
+        self.banks = CandidateBanks(problem.view)
+        self.first = self.state(problem)
+
+    @property
+    def null(self) -> NullDistribution | None:
+        """What scores look like when nothing is wrong."""
+        return self._null
+
+    def state(self, problem: ScoringProblem) -> SearchState:
+        """The whole bank with everything accepted."""
+        if self._null is not None and problem is self.first.problem:
+            return self.first
+        fitted = problem.fit()
+        now = score_bank(problem, self.banks.of(problem.view, self.undetectable), fitted.floor)
+        if self._null is None:
+            now, self.undetectable = _drop_undetectable(problem, now)
+        around = marginalise_walks(problem, now)
+        if self._null is None:
+            self._null = self._null_of(problem, fitted, around)
+        unseen = unseen_kernels(problem, fitted.floor)
+        evidence = around.evidence() | {name: found.nats for name, found in unseen.items()}
+        # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
+        scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
+        surprise = max([statistic(self._null, evidence), *(found.surprise for found in unseen.values()), *scatter])
+        return SearchState(problem, now, around, evidence, surprise, self._null.threshold)
+
+    def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
+        """Every cause and kernel at its best; without what has been found often enough already."""
+        banks = tuple(s.bank for s in state.now.projected)
+        ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
+        for name in (generic.RIPPLE, generic.STATE):
+            ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
+        ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
+        return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
+
+    def accepted(
+        self, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause
+    ) -> tuple[CauseFinding, SearchState]:
+        """A cause as a finding, and the state with it accepted."""
+        finding = cause_finding(state.problem, ranks, cause, state.statistic)
+        return finding, self.state(_accept_finding(state.problem, finding))
+
+
+def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
+    """What no column of the bank shows, under its name as a kernel."""
+    return {generic.RIPPLE: find_ripple(problem, floor), generic.STATE: find_state(problem, floor)}
+
+
+def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[ScoredBank, tuple[str, ...]]:
+    """The stage without the causes that it cannot show, and those: their covariates were not recorded, or the largest
+    amplitude ever met would leave nothing here."""
+    count = problem.view.reduced.count.sum(1).mean()
+    swollen = max(1.0, now.floor.noise * float(np.sqrt(count)) / problem.view.sigma)
+    shown = {
+        c.name
+        for s in now.projected
+        for c, v in zip(s.bank.candidates, visible_candidates(s, swollen), strict=True)
+        if v
+    }
+    projected = tuple(s.only([c.name in shown for c in s.bank.candidates]) for s in now.projected)
+    return ScoredBank(now.floor, projected), tuple(name for name in smooth_causes() if name not in shown)
+
+
+def _accept_finding(problem: ScoringProblem, finding: CauseFinding) -> ScoringProblem:
+    """The problem with what was found accepted and everything known at its best."""
+    problem = replace(problem, near=finding.floor)
+    if finding.accepted is None:
+        return with_free_variance(problem, finding.name)
+    return refined(problem.with_accepted((*problem.accepted, finding.accepted)))
+
+
+def _prefer_evident_cause(
+    problem: ScoringProblem, banks: Sequence[Bank], ranks: dict[str, RankedCause]
+) -> dict[str, RankedCause]:
+    """A grown floor explains anything a little: where it leads, but a cause is evident beside it, that cause leads."""
+    leader = max(ranks.values(), key=lambda r: r.evidence, default=None)
+    if leader is None or leader.best is not None or leader.name in generic.KERNEL_NAMES:
+        return ranks
+    grown = with_free_variance(problem, leader.name)
+    now = score_over_walks(grown, banks, grown.fit(leader.at.floor).floor)
+    rivals: dict[str, RankedCause] = {}
+    keep_best(rivals, now, now.without())
+    # A jump that the bank's times miss by a stop is two steps of a walk.
+    rivals = tune_forms(grown, rivals)
+    cause = leaders(rivals)[0]
+    if cause is None or cause.evidence < EVIDENT_NATS:
+        return ranks
+    return {**ranks, cause.name: replace(cause, evidence=leader.evidence + cause.evidence)}
