@@ -8,10 +8,10 @@ import pytest
 
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search import form_check, unit_sample, walk_marginal
+from station.diagnosis.search import form_check, rank, unit_sample, walk_marginal
 from station.diagnosis.search.candidate_banks import build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
-from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.scoring import evidence_by_cause, score_bank
 from station.diagnosis.search.unit_sample import sampled_units
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
@@ -55,7 +55,7 @@ def test_walks_without_hope_leave_nothing_in_the_average(fleet: Any, monkeypatch
     # So large a walk as no quiet campaign shows.
     wide = replace(fleet, upper=np.array([np.inf, *fleet.upper[1:] * np.array([1.0, 900.0])]))
     best = score_bank(wide, build_banks(wide.view), wide.fit().floor)
-    monkeypatch.setattr(walk_marginal, "SAMPLE_UNITS", 3)
+    monkeypatch.setattr(walk_marginal, "FLOOR_UNITS", 3)
     some = walk_marginal.marginalise_walks(wide, best)
     alone(monkeypatch)
     every = walk_marginal.marginalise_walks(wide, best)
@@ -65,6 +65,24 @@ def test_walks_without_hope_leave_nothing_in_the_average(fleet: Any, monkeypatch
     for one, two in ((some.totals(), every.totals()), (some.without(), every.without())):
         np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-7)
     assert some.evidence() == pytest.approx(every.evidence(), rel=1e-7, abs=1e-7)
+
+
+def test_causes_without_hope_under_a_floor_are_behind_what_they_were(
+    fleet: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rank, "FLOOR_UNITS", 3)
+    banks, floor = build_banks(fleet.view), fleet.fit().floor
+    # So large a walk speaks against all but what a walk hides.
+    at = replace(floor, walk=3.0 * floor.noise)
+    first = walk_marginal.WalkMarginal(score_bank(fleet, banks, floor), (), ())
+    kept = {c.name for bank in rank._hopeful(fleet, banks, at, [first]) for c in bank.candidates}
+    now = walk_marginal.WalkMarginal(score_bank(fleet, banks, at), (), ())
+    before, after = (evidence_by_cause(m.candidates, m.totals()[None]) for m in (first, now))
+    left_out = set(before) - kept
+    assert left_out
+    assert all(after[name][0] < before[name][0] for name in left_out)
+    alone(monkeypatch)
+    assert rank._hopeful(fleet, banks, at, [first]) is banks
 
 
 def test_laws_far_behind_in_samples_are_not_looked_at_in_all_units(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:

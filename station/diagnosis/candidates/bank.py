@@ -33,7 +33,7 @@ MAX_JUMP_TIMES = 32
 #: Times between two of them that are tried at most.
 MAX_REFINED_JUMP_TIMES = 12
 #: Units whose columns are in memory at once; and units that are so few that the columns of all are held.
-UNITS_AT_ONCE, FEW_UNITS = 8, 8
+UNITS_AT_ONCE, FEW_UNITS = 16, 8
 #: Over a smaller range of temperature than this, degC, a curve is a straight line.
 MIN_BENT_RANGE_DEGC = 8.0
 #: Levels whose groups belong to one unit each.

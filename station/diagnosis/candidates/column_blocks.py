@@ -34,14 +34,20 @@ class ShapeGroup(NamedTuple):
 class ColumnBlock(NamedTuple):
     """Sets of columns of one width, and the candidates that see them.
 
-    by_run: the groups are the runs, and the columns are those of all of them; one_axis: each moves one axis alone.
+    by_run: the groups are the runs, and the columns are those of all of them; axes: which columns of each group move
+    each axis (3), where each moves one axis alone, else none.
     """
 
     made: tuple[BankColumns, ...]
     width: int
     by_run: bool
-    one_axis: bool
+    axes: tuple[slice, ...]
     kinds: tuple[ShapeGroup, ...]
+
+    @property
+    def one_axis(self) -> bool:
+        """Whether each column moves one axis alone."""
+        return bool(self.axes)
 
     @property
     def groups(self) -> int:
@@ -74,14 +80,14 @@ def column_blocks(bank: Bank, layout: RowLayout, *, whole: bool) -> list[ColumnB
     """The columns of a bank by width; `whole`: as the bank has them, in its order."""
     runs, plain = _run_of_stop(layout.grid), whole or bank.moving
     separate = not plain and layout.keeps_axes_apart
-    of_shape: dict[tuple[int, bool, bool], list[BankColumns]] = {}
+    of_shape: dict[tuple[int, bool, tuple[range, ...]], list[BankColumns]] = {}
     for m in bank.made:
         width, axes = m.at.stop - m.at.start, m.columns.count
         by_run = not plain and width == axes * layout.grid.slot.shape[1] > axes and np.array_equal(m.code, runs)
-        one_axis = separate and m.columns.on_one_axis
+        places = _places_of_axes(m, by_run=by_run) if separate and m.columns.on_one_axis else ()
         # What the bank has laid out already is not split.
-        by_run = by_run and (one_axis or bank.all_columns is None)
-        of_shape.setdefault((axes if by_run else width, by_run, one_axis), []).append(m)
+        by_run = by_run and (bool(places) or bank.all_columns is None)
+        of_shape.setdefault((axes if by_run else width, by_run, places), []).append(m)
     seen: dict[int, list[int]] = {}
     for i, (c, at) in enumerate(zip(bank.candidates, bank.place, strict=True)):
         if not c.scans_visits:
@@ -89,8 +95,23 @@ def column_blocks(bank: Bank, layout: RowLayout, *, whole: bool) -> list[ColumnB
     return [_block(bank, seen, tuple(made), *shape) for shape, made in of_shape.items()]
 
 
+def _places_of_axes(made: BankColumns, *, by_run: bool) -> tuple[range, ...]:
+    """Which columns of a set move each axis (3), each one alone; none where those of an axis are not evenly spaced."""
+    axis = made.columns.axis.tolist() * (1 if by_run else made.groups)
+    where = [[k for k, a in enumerate(axis) if a == i] for i in range(3)]
+    if not all(where):
+        return ()
+    even = tuple(range(at[0], at[-1] + 1, at[1] - at[0] if len(at) > 1 else 1) for at in where)
+    return even if all(list(r) == at for r, at in zip(even, where, strict=True)) else ()
+
+
 def _block(
-    bank: Bank, seen: Mapping[int, list[int]], made: tuple[BankColumns, ...], width: int, by_run: bool, one_axis: bool
+    bank: Bank,
+    seen: Mapping[int, list[int]],
+    made: tuple[BankColumns, ...],
+    width: int,
+    by_run: bool,
+    places: tuple[range, ...],
 ) -> ColumnBlock:
     """A block of some sets; seen: the candidates that see the set that begins at a column."""
     alike: dict[tuple[Pattern, int], list[tuple[int, int]]] = {}
@@ -102,7 +123,8 @@ def _block(
         ShapeGroup(tuple(i for i, _ in found), *shape, np.array([at for _, at in found], np.intp))
         for shape, found in alike.items()
     )
-    return ColumnBlock(made, width, by_run, one_axis, tuple(kinds))
+    axes = tuple(slice(r.start, r.stop, r.step) for r in places)
+    return ColumnBlock(made, width, by_run, axes, tuple(kinds))
 
 
 def _run_of_stop(grid: VisitGrid) -> NDArray[np.intp]:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, UNITS_AT_ONCE, Bank
-from station.diagnosis.candidates.column_blocks import ColumnBlock, ShapeGroup, column_blocks
+from station.diagnosis.candidates.column_blocks import ShapeGroup, column_blocks
+from station.diagnosis.candidates.part_of_space import PartOfSpace
 from station.diagnosis.candidates.visit_scan import NormalProducts, VisitColumns, VisitSpace, visit_columns
 from station.diagnosis.linear.evidence import (
     GROUP_AXES,
@@ -26,15 +27,9 @@ from station.diagnosis.linear.evidence import (
 )
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.parted_space import PartedSpace
-from station.diagnosis.linear.projection import AxisColumns, DataColumns, ResidualSpace, SpaceSize
+from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
-#: Sets of so few columns are multiplied faster number by number than as matrices.
-FEW_COLUMNS = 3
-#: Columns that keep less than this share of their squares beside what is known are combinations of it.
-LEAST_LEFT = 1e-13
-#: And columns of a smaller square are rounding; the amplitudes that they would need have no number in single precision.
-LEAST_SQUARE = 1e-28
 #: Eigenvalues looked at together: with a number for each amplitude, some 10 MB.
 EIGENVALUES_AT_ONCE = 1 << 15
 
@@ -146,120 +141,6 @@ class AxesSource(NamedTuple):
             return visit_columns(bank, i, self.layout, slice(None)).turned(E)
         assert self.columns is not None
         return _turned(self.columns[..., bank.place[i]], E)
-
-
-class PartOfSpace(NamedTuple):
-    """The space of some units, and what a column is compared with in it, as rows (U, 1 + c + p, ·): the readings, the
-    known columns that all units share, and those of each unit; factors (3, U, R, B, s, v) that whiten columns of one
-    axis, if there are any."""
-
-    space: ResidualSpace
-    known: Floats
-    factors: Array | None
-
-    @staticmethod
-    def of(space: ResidualSpace, gain: Floats | None) -> "PartOfSpace":
-        """From the space, and the gain (U, R, V, 3) of columns of one axis. The basis is made orthonormal to the last
-        digit, since squares of columns are compared with squares of what it takes from them."""
-        near = space.basis.swapaxes(1, 2) @ space.basis
-        basis = space.basis @ (1.5 * np.eye(near.shape[-1]) - 0.5 * near)
-        known = np.concatenate([space.data[..., None], space.shared_basis, basis], axis=2)
-        covariance = replace(space.covariance, runs=space.covariance.runs.run_by_run())
-        factors = None if gain is None else covariance.runs.axis_factors(gain)
-        return PartOfSpace(replace(space, covariance=covariance), np.ascontiguousarray(known.swapaxes(1, 2)), factors)
-
-    def products(self, block: ColumnBlock, rows: Sequence[DataColumns | AxisColumns]) -> Iterator[NormalProducts]:
-        """The products of the columns of a block, of each of its kinds: (b, U, K, …), (b, U, G, K, …) of a scan,
-        (b, K, …) summed over the units of a shared one."""
-        found = [self._products(block, some) for some in rows]
-        normal, taken = (np.concatenate(x, axis=1) if len(x) > 1 else x[0] for x in zip(*found, strict=True))
-        own = 1 + self.space.shared_basis.shape[2]
-        for kind in block.kinds:
-            yield _products_of(kind, normal[:, kind.sets], taken[:, kind.sets], own)
-
-    def _products(self, block: ColumnBlock, rows: DataColumns | AxisColumns) -> tuple[Floats, Floats]:
-        """Of columns of some sets the normal matrices of their groups (U, b, G, K/G, K/G) before anything is taken off,
-        and their products with what is known (U, b, K, 1 + c + p)."""
-        white = self._white(rows)
-        (U, C, M), (_, R) = white.shape, self.space.covariance.runs.member.shape
-        known = self.known[..., :M]
-        if not block.by_run:
-            taken = (white @ known.swapaxes(1, 2)).reshape(U, C // block.width, block.width, -1)
-            return _squares(white.reshape(U, C // block.width, block.groups, -1, M)), taken
-        m = self.space.covariance.runs.rows
-        by_run, known = (x[..., : R * m].reshape(U, -1, R, m).swapaxes(1, 2) for x in (white, known))
-        taken = (by_run @ known.swapaxes(-1, -2)).reshape(U, R, C // block.width, block.width, -1).swapaxes(1, 2)
-        sets = by_run.reshape(U, R, C // block.width, block.width, m).swapaxes(1, 2)
-        return _squares(sets), taken.reshape(U, C // block.width, R * block.width, -1)
-
-    def _white(self, rows: DataColumns | AxisColumns) -> Floats:
-        """Columns, each as a row of white numbers (U, C, M)."""
-        covariance, dwell = self.space.covariance, self.space.dwell
-        if isinstance(rows, DataColumns):
-            U, R, m, C = rows.stop.shape
-            white = np.empty((U, C, R * m + dwell))
-            covariance.whiten(rows, dwell, out=white.swapaxes(1, 2))
-            return white
-        assert self.factors is not None
-        (U, R, _, C), (blocks, s, v) = rows.values.shape, self.factors.shape[-3:]
-        white = np.empty((U, C, R * blocks * s + dwell))
-        white[..., R * blocks * s :] = 0.0
-        out = white[..., : R * blocks * s].reshape(U, C, R, blocks, s).transpose(0, 2, 3, 4, 1)
-        # One number and a few need no matrices.
-        times = np.multiply if v == 1 else np.matmul
-        for axis, factor in enumerate(self.factors):
-            mine = np.flatnonzero(rows.axis == axis)
-            values = np.ascontiguousarray(rows.values[..., mine]).reshape(U, R, blocks, v, -1)
-            step = np.diff(mine)
-            if len(mine) > 1 and np.all(step == step[0]):
-                times(factor, values, out=out[..., mine[0] : mine[-1] + 1 : step[0]])
-            elif len(mine):
-                out[..., mine] = times(factor, values)
-        return white
-
-    def free(self, rows: Sequence[DataColumns | AxisColumns]) -> list[Array]:
-        """The same columns as white rows (U, M, …) without what the units' own known ones take up, in single
-        precision."""
-        return [self.space.project(some).astype(np.float32) for some in rows if isinstance(some, DataColumns)]
-
-
-def _squares(sets: Floats) -> Floats:
-    """Products (…, K, K) of the rows (…, K, M) of each set with one another."""
-    if sets.shape[-2] <= FEW_COLUMNS:
-        return np.asarray(np.einsum("...km,...lm->...kl", sets, sets))
-    return np.asarray(sets @ sets.swapaxes(-1, -2))
-
-
-def _products_of(kind: ShapeGroup, normal: Floats, taken: Floats, own: int) -> NormalProducts:
-    """The products of a kind from those of its sets, `own` being how many come before the units' own known columns."""
-    U, b, K = taken.shape[:3]
-    if kind.pattern == "scan":
-        a = K // kind.groups
-        taken = taken.reshape(U, b, kind.groups, a, -1)
-        # The normal matrices of a set's groups are blocks on the diagonal of its own.
-        G, each = normal.shape[2], kind.groups // normal.shape[2]
-        normal = np.einsum("ubGgigj->ubGgij", normal.reshape(U, b, G, each, a, each, a)).reshape(U, b, -1, a, a)
-    else:
-        normal = normal[:, :, 0] if normal.shape[2] == 1 else _block_diagonal(normal)
-    known = taken[..., own:]
-    left = normal - known @ known.swapaxes(-1, -2)
-    before, after = (np.einsum("...kk->...", x)[..., None, None] for x in (normal, left))
-    lost = after <= np.maximum(LEAST_LEFT * before, LEAST_SQUARE)
-    if lost.any():
-        # What the known columns take up is as small as rounding in all directions, and explains nothing.
-        rest = np.where(before > 0, np.maximum(LEAST_LEFT**2 * before, LEAST_SQUARE), 0.0)
-        left = np.where(lost, rest * np.eye(left.shape[-1]), left)
-        taken = np.where(lost, 0.0, taken)
-    found = left, taken[..., 1:own], taken[..., 0]
-    return NormalProducts(*(x.sum(0) if kind.pattern == "shared" else x.swapaxes(0, 1) for x in found))
-
-
-def _block_diagonal(normal: Floats) -> Floats:
-    """Normal matrices of the groups of each set (U, b, G, a, a) as one of the set (U, b, G·a, G·a)."""
-    U, b, G, a, _ = normal.shape
-    out = np.zeros((U, b, G, a, G, a))
-    np.einsum("ubgigj->ubgij", out)[...] = normal
-    return out.reshape(U, b, G * a, G * a)
 
 
 def _merge_parts(

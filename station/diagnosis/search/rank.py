@@ -15,6 +15,7 @@ from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank
+from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, sampled_units
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
@@ -62,10 +63,10 @@ def rank_causes(
     while now is not None and len(visited) < 6:
         visited.append(now)
         fair = [m for m in visited[1:] if _is_allowed(problem, m.best.floor, first.best.floor)]
-        zero, best = np.max([marginal.without() for marginal in (first, *fair)], axis=0), {}
+        zero, best = np.max([marginal.in_each_space() for marginal in (first, *fair)], axis=0), {}
         for marginal in visited:
-            keep_best(best, marginal, zero)
-        now = _next_floor(problem, banks, best, [marginal.best.floor for marginal in visited], words)
+            keep_best(best, marginal, zero[marginal.best.space_index])
+        now = _next_floor(problem, banks, best, visited, words)
     best.update(_floor_causes(problem, first.best))
     return best
 
@@ -90,7 +91,7 @@ def _next_floor(
     problem: ScoringProblem,
     banks: Sequence[Bank],
     best: dict[str, RankedCause],
-    visited: list[NoiseFloor],
+    visited: list[WalkMarginal],
     words: Sequence[str],
 ) -> WalkMarginal | None:
     """The bank under the floor of the leading cause, or else of the leading kernel, if that is a new one."""
@@ -100,10 +101,29 @@ def _next_floor(
             continue
         with_it = problem.with_accepted((*problem.accepted, leader.at.accept(leader.best, problem.view)))
         found = with_it.fit(leader.at.floor).floor
-        if all(_differ(found, f) for f in visited):
+        if all(_differ(found, m.best.floor) for m in visited):
             # With the leader known the walk is no longer in question: one floor is enough.
-            return WalkMarginal(score_bank(problem, banks, found), (), ())
+            return WalkMarginal(score_bank(problem, _hopeful(problem, banks, found, visited), found), (), ())
     return None
+
+
+def _hopeful(
+    problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor, visited: list[WalkMarginal]
+) -> Sequence[Bank]:
+    """The causes of a fleet, with all their candidates, of which any may be better under a floor than under those that
+    were visited."""
+    sample, moving = sampled_units(problem.setting, FLOOR_UNITS), [bank.moving for bank in banks]
+    if sample is None or moving != sorted(moving):
+        return banks
+    empty = score_bank(problem, [bank.only([]) for bank in banks], at)
+    fits = np.concatenate([s.readings().fits for s in (*(m.best for m in visited), empty)])
+    if np.all(fits.max(0) - fits[-1] <= HOPELESS_NATS):
+        return banks
+    found = [c for bank in banks for c in bank.candidates]
+    space = np.repeat(np.arange(len(banks)), [len(bank.candidates) for bank in banks])
+    least = sample.behind(found, [*(m.best.floor for m in visited), at], fits[:, space])[-1]
+    names = {c.name for c, nats in zip(found, least, strict=True) if nats <= HOPELESS_NATS}
+    return [bank.only([i for i, c in enumerate(bank.candidates) if c.name in names]) for bank in banks]
 
 
 def _differ(a: NoiseFloor, b: NoiseFloor) -> bool:

@@ -20,6 +20,9 @@ from station.domain.core.types import Floats
 LEAST_SHARE = 4
 #: Standard errors of a sum over the sample beyond which it is no chance.
 SURE_ERRORS = 6.0
+#: Units of a fleet that show what a candidate changes of a floor's likelihood, and how many nats a floor must be behind
+#: another to be without hope: it then changes an evidence by less than a part in 10⁸.
+FLOOR_UNITS, HOPELESS_NATS = 40, 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +44,17 @@ class UnitSample:
     def scored(self, candidates: Sequence[Candidate], floors: Sequence[NoiseFloor]) -> tuple[ScoredBank, ...]:
         """Candidates of the whole fleet, as its sample shows them under each of some floors."""
         return score_under_floors(self.setting, self.banks(candidates), floors)
+
+    def behind(self, candidates: Sequence[Candidate], floors: Sequence[NoiseFloor], without: Floats) -> Floats:
+        """By how many nats each floor is at the least behind the best of them with each candidate (floors, candidates),
+        still ones first. without (floors, ·): log-likelihood of all units without a candidate. What a fleet says of a
+        floor by itself is known of all its units, what a candidate changes of that in the sample."""
+        some = self.scored(candidates, floors)
+        sampled = np.stack([s.readings().fits[0] for s in some])[:, some[0].space_index]
+        total, alone = sampled + np.stack([s.readings().evidence[0] for s in some]), sampled.max(0) - sampled
+        # A unit unlike all others shows in one of the two.
+        by_itself = np.minimum(without.max(0) - without, self.share * alone)
+        return np.asarray(by_itself + self.surely(total.max(0) - total - alone))
 
     def surely(self, nats: Floats) -> Floats:
         """By how many nats at the least all units differ where the sample differs by so many."""

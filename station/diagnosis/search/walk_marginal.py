@@ -23,7 +23,7 @@ from station.diagnosis.search.scoring import (
     score_bank,
     score_under_floors,
 )
-from station.diagnosis.search.unit_sample import sampled_units
+from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, sampled_units
 from station.domain.core.types import Array, Floats
 
 #: Walks tried, as parts of the largest allowed.
@@ -32,9 +32,6 @@ WALK_FRACTIONS = (0.0, 0.25, 0.5, 1.0)
 SLOW_SHARE = 0.3
 #: Units that it takes to see which candidates are slow.
 PROBE_UNITS = 2
-#: Units of a fleet that show what a candidate changes of a walk's likelihood, and how many nats a walk must be behind
-#: another to be without hope: it then changes an evidence by less than a part in 10⁸.
-SAMPLE_UNITS, HOPELESS_NATS = 40, 20.0
 #: Kernels with slow and fast directions: on the average they are not slow, yet they can follow a walk.
 FLEXIBLE_KERNELS = ("time", "temperature", "unit", "time*temperature")
 
@@ -81,8 +78,11 @@ class WalkMarginal:
 
     def without(self) -> Floats:
         """The same without any candidate, in the space of each candidate (candidates)."""
-        fits = np.stack([s.readings().fits[0] for s in self.walk_stages or (self.best,)], axis=-1)
-        return np.asarray(self._mean(fits)[self.best.space_index])
+        return np.asarray(self.in_each_space()[self.best.space_index])
+
+    def in_each_space(self) -> Floats:
+        """The same without any candidate (spaces)."""
+        return self._mean(np.stack([s.readings().fits[0] for s in self.walk_stages or (self.best,)], axis=-1))
 
     def _averaged(self, scores: Sequence[Scores]) -> tuple[Floats, Floats]:
         """Log-likelihood averaged over the walks: with each slow candidate (n, slow), without in each space (n, 2)."""
@@ -152,23 +152,16 @@ def _score_slow_candidates(
 def _hopeful(
     problem: ScoringProblem, best: ScoredBank, slow: tuple[int, ...], floors: list[NoiseFloor]
 ) -> list[NoiseFloor]:
-    """The walks of which anything may be left in the average over all of them with any slow candidate. What a fleet
-    says of a walk without a candidate is known of all its units, what a candidate changes of that in a sample."""
-    sample = sampled_units(problem.setting, SAMPLE_UNITS)
+    """The walks of which anything may be left in the average over all of them with any slow candidate."""
+    sample = sampled_units(problem.setting, FLOOR_UNITS)
     if sample is None:
         return floors
     # What moves within the visits changes next to nothing of how likely a walk is without it.
     every = score_under_floors(problem.setting, [best.projected[0].bank.only([])], floors)
-    behind = np.array([s.readings().fits[0, 0] for s in every])
-    behind = behind.max() - behind
-    if np.all(behind <= HOPELESS_NATS):
+    without = np.array([s.readings().fits[0, :1] for s in every])
+    if np.all(without.max() - without <= HOPELESS_NATS):
         return floors
-    some = sample.scored([best.candidates[i] for i in slow], floors)
-    sampled = np.stack([s.readings().fits[0] for s in some])[:, some[0].space_index]
-    total, alone = sampled + np.stack([s.readings().evidence[0] for s in some]), sampled.max(0) - sampled
-    # A unit unlike all others shows in one of the two.
-    without = np.minimum(behind[:, None], sample.share * alone)
-    least = without + sample.surely(total.max(0) - total - alone)
+    least = sample.behind([best.candidates[i] for i in slow], floors, without)
     return [f for f, nats in zip(floors, least.min(1), strict=True) if nats <= HOPELESS_NATS]
 
 
