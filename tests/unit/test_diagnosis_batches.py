@@ -17,9 +17,10 @@ from station.diagnosis.data.faults import spectral_lines, tone_search
 from station.diagnosis.data.faults.white_dwells import TransientFilter, WhiteDwells
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
+from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.candidate_banks import build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
-from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.scoring import score_bank, score_in_noise
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
 from tests.blind.recipes import recipe
@@ -127,6 +128,24 @@ def test_columns_by_axis_and_by_run_score_as_whole_ones_do(walk: float, monkeypa
     whole = score_bank(problem, banks, floor).readings()
     np.testing.assert_allclose(found.evidence, whole.evidence, rtol=1e-7, atol=1e-7)
     np.testing.assert_allclose(found.fits, whole.fits, rtol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.0, 3.0])
+def test_a_bank_in_larger_noise_is_what_it_is_scored_to_be(problem: Any, factor: float) -> None:
+    turned = replace(problem.fit().floor, turn=5e-5, walk=2e-6)
+    floors = [turned, NoiseFloor(*(factor * np.sqrt(turned.variances)))]
+    banks = build_banks(problem.view)
+    assert floors[1].is_multiple_of(floors[0]) and not replace(turned, walk=0.0).is_multiple_of(turned)
+    first, whole = (score_bank(problem, banks, at, keep=at is turned) for at in floors)
+    some = [i for i, c in enumerate(first.candidates) if c.name != "quadratic"]
+    found = score_in_noise(problem, first.only(some), floors[1])
+    whole = whole.only(some)
+    assert found.projected[0].kept is not None and found.candidates == whole.candidates
+    np.testing.assert_allclose(found.readings().evidence, whole.readings().evidence, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.readings().fits, whole.readings().fits, rtol=1e-12)
+    for one, two in zip(found.projected, whole.projected, strict=True):
+        for a, b in zip(one.found, two.found, strict=True):
+            np.testing.assert_allclose(one.likelihood(a), two.likelihood(b), rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("jitter_s", [0.0, 1e-4])

@@ -47,3 +47,12 @@ def test_a_course_that_several_axes_share_is_held_once(rng: np.random.Generator)
     np.testing.assert_array_equal(held.stop(), stop)
     np.testing.assert_array_equal(held.retained(keep), keep @ stop)
     assert held.count == 6
+
+
+def test_functions_of_each_axis_are_held_as_their_whole_columns_are(rng: np.random.Generator) -> None:
+    alike, own = np.repeat(rng.standard_normal((5, 1)), 3, axis=1), rng.standard_normal((5, 3))
+    for parts in ([alike, own], [own, np.zeros((5, 3))], [own * [1.0, 0.0, 1.0], alike], [np.zeros((5, 3))]):
+        held = StopColumns.by_axis(parts)
+        whole_ones = StopColumns.of(np.concatenate([np.eye(3) * part[:, None] for part in parts], axis=2))
+        for name in ("axis", "column", "course", "still", "count", "on_one_axis"):
+            np.testing.assert_array_equal(getattr(held, name), getattr(whole_ones, name))

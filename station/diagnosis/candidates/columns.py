@@ -1,6 +1,7 @@
 """Columns of a cause at the stops without the places where they are zero, each course once: most columns move one axis
 alone, and many move each axis alike."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,6 +50,21 @@ class StopColumns:
         still = stop[:, axis[first], column[first]]
         alone = np.array_equal(column, np.arange(stop.shape[2]))
         return StopColumns(axis, column, np.array(course, np.intp), still, moving, stop.shape[2], alone)
+
+    @staticmethod
+    def by_axis(parts: Sequence[Floats]) -> "StopColumns":
+        """From functions (v, 3) of each axis, of which each is a column on that axis alone."""
+        found: dict[bytes, int] = {}
+        courses, course, axis, column = list[Floats](), list[int](), list[int](), list[int]()
+        for p, part in enumerate(parts):
+            for i, values in enumerate(np.ascontiguousarray(part.T)):
+                if values.any():
+                    place = found.setdefault(values.tobytes(), len(found))
+                    courses += [values] if place == len(courses) else []
+                    course, axis, column = [*course, place], [*axis, i], [*column, 3 * p + i]
+        still = np.stack(courses, axis=1) if courses else np.zeros((len(parts[0]), 0))
+        alone, places = len(column) == 3 * len(parts), (np.array(x, np.intp) for x in (axis, column, course))
+        return StopColumns(*places, still, None, 3 * len(parts), alone)
 
     def stop(self, stops: slice = ALL_STOPS) -> Floats:
         """Whole columns of some stops' means (v, 3, a)."""

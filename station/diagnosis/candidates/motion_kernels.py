@@ -11,6 +11,7 @@ import numpy as np
 from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.kernel_columns import each_axis, kernels_at, own_axis, steps_before
 from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.grid import VisitGrid
 from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.model.effects.base_tilt import BaseTilt
@@ -65,12 +66,15 @@ def way_of(turn: Floats) -> Floats:
 
 def _reversals(way: Floats, view: ResidualView) -> Floats:
     """The way (v, 3) where it is another than that of the last turn about the same axis, else zero."""
-    last, found = np.zeros(3), np.zeros_like(way)
-    for i, before in enumerate(view.scene.visits.previous):
-        last = last if before >= 0 else np.zeros(3)
-        found[i] = way[i] * (way[i] * last < 0)
-        last = np.where(way[i] != 0, way[i], last)
-    return found
+    grid = VisitGrid(view.grid.slot, 1)
+    ways = grid.spread(way[:, None])
+    # Of each visit the last one up to it that turned about an axis; −1 where none did.
+    turned = np.where(ways != 0, np.arange(ways.shape[2])[:, None], -1)
+    last = np.maximum.accumulate(turned, axis=2)[:, :, :-1]
+    before = np.where(last >= 0, np.take_along_axis(ways, np.maximum(last, 0), axis=2), 0.0)
+    reversed_ = np.zeros_like(ways)
+    reversed_[:, :, 1:] = ways[:, :, 1:] * (ways[:, :, 1:] * before < 0)
+    return grid.gathered(reversed_)
 
 
 def _wound_up(turn: Floats, view: ResidualView) -> Floats:
@@ -101,8 +105,10 @@ def _motor_before(view: ResidualView) -> Iterator[Candidate]:
 
 def remembered(values: Floats, view: ResidualView, kept: float) -> Floats:
     """Values (v, f) with what a share `kept` of each visit leaves to the next of its run."""
-    found = values.copy()
-    for i, before in enumerate(view.scene.visits.previous):
-        if before >= 0:
-            found[i] += kept * found[before]
-    return found
+    grid = VisitGrid(view.grid.slot, 1)
+    found, reach = grid.spread(values[:, None]), 1
+    # What the last visits leave, then what twice as many do.
+    while reach < found.shape[2]:
+        found[:, :, reach:] += kept**reach * found[:, :, :-reach]
+        reach *= 2
+    return grid.gathered(found)

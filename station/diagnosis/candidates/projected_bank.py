@@ -43,6 +43,10 @@ class EigenProducts(NamedTuple):
     readings: Floats
     vectors: Floats | None
 
+    def times(self, factor: float) -> "EigenProducts":
+        """Those of columns and readings that are so many times as long; the known columns stay orthonormal."""
+        return EigenProducts(factor**2 * self.m, factor * self.cross, factor**2 * self.readings, self.vectors)
+
     def of(self, some: slice) -> "EigenProducts":
         """Those of some of the candidates (b)."""
         E = None if self.vectors is None else self.vectors[some]
@@ -60,15 +64,32 @@ class CandidateFit(NamedTuple):
     axes: Array | VisitColumns | None
 
 
+class KeptProducts(NamedTuple):
+    """Of a whole bank the products of each kind, and which of its candidates (chosen) are looked at."""
+
+    bank: Bank
+    kinds: tuple[tuple[ShapeGroup, EigenProducts], ...]
+    chosen: tuple[int, ...]
+
+    def projected(self, sets: DataSets) -> "ProjectedBank":
+        """The bank of the candidates that are looked at, as products and readings show it."""
+        found: dict[int, CandidateFit] = {}
+        for kind, products in self.kinds:
+            found.update(zip(kind.which, _candidate_fits(kind, self.bank, products, None, sets), strict=True))
+        fits = tuple(found[i] for i in self.chosen)
+        return ProjectedBank(self.bank.only(self.chosen), fits, sets, None, self)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedBank:
     """A bank as a space sees it, found of each candidate, and the readings as a data set; the space itself, which is as
-    long as all readings, with the axes alone."""
+    long as all readings, with the axes alone, and the products, where they are kept."""
 
     bank: Bank
     found: tuple[CandidateFit, ...]
     readings: DataSets
     space: ResidualSpace | None
+    kept: KeptProducts | None = None
 
     @property
     def spectra(self) -> tuple[EigenSpectrum, ...]:
@@ -83,7 +104,22 @@ class ProjectedBank:
     def only(self, kept: Sequence[bool]) -> "ProjectedBank":
         """The same with some of the candidates."""
         chosen = [i for i, k in enumerate(kept) if k]
-        return replace(self, bank=self.bank.only(chosen), found=tuple(self.found[i] for i in chosen))
+        products = self.kept and self.kept._replace(chosen=tuple(self.kept.chosen[i] for i in chosen))
+        found = tuple(self.found[i] for i in chosen)
+        return replace(self, bank=self.bank.only(chosen), found=found, kept=products)
+
+    def in_noise(self, factor: float) -> "ProjectedBank | None":
+        """The same where all noise is so many times as large, and nothing that is known has a prior; None where no
+        products are kept."""
+        return (
+            None
+            if self.kept is None
+            else KeptProducts(
+                self.kept.bank,
+                tuple((kind, products.times(1 / factor)) for kind, products in self.kept.kinds),
+                self.kept.chosen,
+            ).projected(self.readings.times(1 / factor))
+        )
 
     def likelihood(self, found: CandidateFit) -> Floats:
         """L of one of the candidates: (ρ), of a scan (U, G, ρ), those of many groups, which are not kept."""
@@ -94,9 +130,15 @@ class ProjectedBank:
 
 
 def project_bank(
-    bank: Bank, layout: RowLayout, spaces: Sequence[ResidualSpace | PartedSpace], *, axes: bool = False
+    bank: Bank,
+    layout: RowLayout,
+    spaces: Sequence[ResidualSpace | PartedSpace],
+    *,
+    axes: bool = False,
+    keep: bool = False,
 ) -> tuple[ProjectedBank, ...]:
-    """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without."""
+    """The bank in each of some spaces; with the axes, which the drawing of null data needs, or without; keep: with the
+    products, so that it is known in larger noise too."""
     blocks = column_blocks(bank, layout, whole=axes)
     scans = [i for i, c in enumerate(bank.candidates) if c.scans_visits]
     kinds = [kind for block in blocks for kind in block.kinds]
@@ -126,7 +168,7 @@ def project_bank(
             if white[i]:
                 kept[i].append(np.concatenate(white[i], axis=2))
     drawn = [AxesSource(np.concatenate(k) if k else None, layout) if axes else None for k in kept]
-    return tuple(_merge_parts(bank, kinds, *each) for each in zip(spaces, parts, drawn, strict=True))
+    return tuple(_merge_parts(bank, kinds, *each, keep=keep) for each in zip(spaces, parts, drawn, strict=True))
 
 
 class AxesSource(NamedTuple):
@@ -149,17 +191,22 @@ def _merge_parts(
     space: ResidualSpace | PartedSpace,
     parts: Sequence[list[NormalProducts | EigenProducts]],
     drawn: AxesSource | None,
+    *,
+    keep: bool,
 ) -> ProjectedBank:
     """What all parts together show."""
     sets = space.data_sets() if isinstance(space, PartedSpace) else DataSets.of(space, space.data[None])
+    every = (
+        (kind, _all_parts(kind, [part[k] for part in parts], sets.size.copies, axes=drawn is not None))
+        for k, kind in enumerate(kinds)
+    )
+    if keep:
+        return KeptProducts(bank, tuple(every), tuple(range(len(bank.candidates)))).projected(sets)
     found: dict[int, CandidateFit] = {}
-    for k, kind in enumerate(kinds):
-        found.update(
-            zip(kind.which, _candidate_fits(kind, bank, [part[k] for part in parts], drawn, sets), strict=True)
-        )
+    for kind, products in every:
+        found.update(zip(kind.which, _candidate_fits(kind, bank, products, drawn, sets), strict=True))
     fits = tuple(found[i] for i in range(len(bank.candidates)))
-    kept = space if drawn is not None and isinstance(space, ResidualSpace) else None
-    return ProjectedBank(bank, fits, sets, kept)
+    return ProjectedBank(bank, fits, sets, space if drawn is not None and isinstance(space, ResidualSpace) else None)
 
 
 def _diagonal(kind: ShapeGroup, products: NormalProducts, *, axes: bool) -> EigenProducts:
@@ -184,15 +231,10 @@ def _all_parts(
 
 
 def _candidate_fits(
-    kind: ShapeGroup,
-    bank: Bank,
-    parts: Sequence[NormalProducts | EigenProducts],
-    drawn: AxesSource | None,
-    sets: DataSets,
+    kind: ShapeGroup, bank: Bank, every: EigenProducts, drawn: AxesSource | None, sets: DataSets
 ) -> Iterator[CandidateFit]:
     """What all parts together show of each candidate of a kind; some candidates at a time, since each has a number for
     every amplitude that is tried."""
-    every = _all_parts(kind, parts, sets.size.copies, axes=drawn is not None)
     at_once = max(1, EIGENVALUES_AT_ONCE // max(every.m[0].size, 1))
     for first in range(0, len(kind.which), at_once):
         some = slice(first, first + at_once)

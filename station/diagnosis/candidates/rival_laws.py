@@ -73,10 +73,9 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
 def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:
     """Laws as candidates, shared at each of some levels."""
     for covariates, parts in laws:
-        columns = np.concatenate([np.eye(3) * part[:, None, :] for part in parts], axis=2)
-        if not np.any(np.ptp(columns, axis=0)):
+        packed = StopColumns.by_axis(parts)
+        if not np.any(np.ptp(packed.still, axis=0)):
             continue
-        packed = StopColumns.of(columns)
         for of in levels:
             code, names = view.scene.group(of)
             pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"

@@ -84,11 +84,16 @@ class ReducedScene:
 
 
 def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
-    """Weighted mean (v, …) of block values (v, B, …) and the contrasts across it (v, B−1, …)."""
+    """Weighted mean (v, …) of block values (v, B, …) and the contrasts across it (v, B−1, …): the rest of a Householder
+    reflection of the blocks by their weights."""
     root = np.sqrt(count)
-    weighted = root.reshape(*root.shape, *[1] * (block.ndim - 2)) * block
-    mean = np.einsum("vb,vb...->v...", root / count.sum(1, keepdims=True), weighted)
-    return mean, np.einsum("vcb,vb...->vc...", _complement(root), weighted)
+    weighted = root[..., None] * block.reshape(*root.shape, -1)
+    mean = ((root / count.sum(1, keepdims=True))[:, None] @ weighted)[:, 0]
+    mirror = root / np.linalg.norm(root, axis=1, keepdims=True)
+    mirror[:, 0] += 1.0
+    along = (2 * mirror / np.sum(mirror**2, axis=1, keepdims=True))[:, None] @ weighted
+    contrasts = weighted[:, 1:] - mirror[:, 1:, None] * along
+    return mean.reshape(len(root), *block.shape[2:]), contrasts.reshape(len(root), -1, *block.shape[2:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,12 +312,3 @@ def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
     rows = {k: getattr(scene, k) for k in ("time_s", *COVARIATES)}
     moved: dict[str, Any] = {k: x[visit] + (later if k in clocks else 0.0) for k, x in rows.items() if x is not None}
     return replace(scene, visit=visit, **moved)
-
-
-def _complement(root: Floats) -> Floats:
-    """Orthonormal rows (v, B−1, B) across unit vectors along root (v, B): the rest of a Householder reflection."""
-    unit = root / np.linalg.norm(root, axis=1, keepdims=True)
-    v = unit.copy()
-    v[:, 0] += 1.0
-    reflection = np.eye(root.shape[1]) - 2 * v[:, :, None] * v[:, None, :] / np.sum(v**2, axis=1)[:, None, None]
-    return np.asarray(reflection[:, 1:])

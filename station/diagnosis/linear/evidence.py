@@ -55,6 +55,11 @@ class DataSets:
             shared = (data.transpose(1, 0, 2) @ space.shared_basis.astype(data.dtype)).sum(0)
         return DataSets(space.size, np.einsum("num,num->n", data, data), shared)
 
+    def times(self, factor: float) -> "DataSets":
+        """White readings that are so many times as long, as all noise is so many times smaller."""
+        size = self.size._replace(logdet=self.size.logdet - 2 * self.size.dof * float(np.log(factor)))
+        return DataSets(size, factor**2 * self.squares, factor * self.shared)
+
     def sum_over_copies(self, orders: Array | None) -> "DataSets":
         """The sets of several copies of the units, each copy in its own order (copies, n)."""
         if orders is None:

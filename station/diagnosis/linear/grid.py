@@ -48,6 +48,13 @@ class VisitGrid:
         padded = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
         return np.asarray(padded[self.slot].reshape(shape))
 
+    def gathered(self, rows: Floats) -> Floats:
+        """Values (v, c) of the stops from one row of each (U, R, V, c)."""
+        there = self.slot >= 0
+        out = np.empty((int(np.count_nonzero(there)), rows.shape[3]))
+        out[self.slot[there]] = rows[there]
+        return out
+
     def part(self, units: slice) -> tuple["VisitGrid", slice]:
         """The grid of some neighbouring units alone, and their stops."""
         slot = self.slot[units]

@@ -41,6 +41,11 @@ class NoiseFloor:
         """σ², τ_r², τ_w²."""
         return np.array([self.noise, self.turn, self.walk]) ** 2
 
+    def is_multiple_of(self, other: "NoiseFloor") -> bool:
+        """Whether all three are so many times as large, to rounding."""
+        own, others = (np.array([floor.noise, floor.turn, floor.walk]) for floor in (self, other))
+        return bool(self.noise > 0 and np.allclose(own * other.noise, others * self.noise, rtol=1e-12, atol=0.0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorStructure:

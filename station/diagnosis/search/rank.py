@@ -14,7 +14,7 @@ from station.diagnosis.candidates.bank import Bank, Candidate
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS
-from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank
+from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank, score_in_noise
 from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, sampled_units
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
@@ -103,6 +103,9 @@ def _next_floor(
         found = with_it.fit(leader.at.floor).floor
         if all(_differ(found, m.best.floor) for m in visited):
             # With the leader known the walk is no longer in question: one floor is enough.
+            first = visited[0].best
+            if found.is_multiple_of(first.floor):
+                return WalkMarginal(score_in_noise(problem, first, found), (), ())
             return WalkMarginal(score_bank(problem, _hopeful(problem, banks, found, visited), found), (), ())
     return None
 
@@ -112,18 +115,20 @@ def _hopeful(
 ) -> Sequence[Bank]:
     """The causes of a fleet, with all their candidates, of which any may be better under a floor than under those that
     were visited."""
-    sample, moving = sampled_units(problem.setting, FLOOR_UNITS), [bank.moving for bank in banks]
-    if sample is None or moving != sorted(moving):
+    sample = sampled_units(problem.setting, FLOOR_UNITS)
+    if sample is None:
         return banks
+    floors = [*(m.best.floor for m in visited), at]
     empty = score_bank(problem, [bank.only([]) for bank in banks], at)
     fits = np.concatenate([s.readings().fits for s in (*(m.best for m in visited), empty)])
-    if np.all(fits.max(0) - fits[-1] <= HOPELESS_NATS):
-        return banks
-    found = [c for bank in banks for c in bank.candidates]
-    space = np.repeat(np.arange(len(banks)), [len(bank.candidates) for bank in banks])
-    least = sample.behind(found, [*(m.best.floor for m in visited), at], fits[:, space])[-1]
-    names = {c.name for c, nats in zip(found, least, strict=True) if nats <= HOPELESS_NATS}
-    return [bank.only([i for i, c in enumerate(bank.candidates) if c.name in names]) for bank in banks]
+    kept = []
+    for bank, without in zip(banks, fits.T, strict=True):
+        names = {c.name for c in bank.candidates}
+        if without.max() - without[-1] > HOPELESS_NATS:
+            least = sample.behind(bank.candidates, floors, without[:, None])[-1]
+            names = {c.name for c, nats in zip(bank.candidates, least, strict=True) if nats <= HOPELESS_NATS}
+        kept.append(bank.only([i for i, c in enumerate(bank.candidates) if c.name in names]))
+    return kept
 
 
 def _differ(a: NoiseFloor, b: NoiseFloor) -> bool:

@@ -208,16 +208,22 @@ class ScoredBank:
         )
 
 
-def score_bank(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor) -> ScoredBank:
-    """The bank under a floor."""
-    return score_in_setting(problem.setting, banks, at)
+def score_bank(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor, *, keep: bool = False) -> ScoredBank:
+    """The bank under a floor; keep: with what tells it in larger noise, too."""
+    projected = []
+    for bank in banks:
+        space = problem.setting.scored_space(at, moving=bank.moving)
+        projected += project_bank(bank, problem.setting.layout, [space], keep=keep)
+    return ScoredBank(at, tuple(projected))
 
 
-def score_in_setting(
-    setting: ScoringSetting, banks: Sequence[Bank], at: NoiseFloor, *, copies: int = 1, axes: bool = False
-) -> ScoredBank:
-    """The same. copies: as if there were so many times the units; axes: as `see` takes them."""
-    return score_under_floors(setting, banks, [at], copies=copies, axes=axes)[0]
+def score_in_noise(problem: ScoringProblem, first: ScoredBank, at: NoiseFloor) -> ScoredBank:
+    """A bank that was scored under one floor under a multiple of it. Of what stands still in a stop that is known
+    already, where nothing that is known has a prior."""
+    known, factor = problem.known, at.noise / first.floor.noise
+    seen = [None if s.bank.moving or known.moving or known.prior_count else s.in_noise(factor) for s in first.projected]
+    pairs = zip(first.projected, seen, strict=True)
+    return ScoredBank(at, tuple(found or score_bank(problem, [s.bank], at).projected[0] for s, found in pairs))
 
 
 def score_under_floors(

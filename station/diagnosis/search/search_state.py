@@ -74,7 +74,7 @@ class CauseSearch:
         if self._null is not None and problem is self.first.problem:
             return self.first
         fitted = problem.fit()
-        now = score_bank(problem, self.banks.of(problem.view, self.undetectable), fitted.floor)
+        now = score_bank(problem, self.banks.of(problem.view, self.undetectable), fitted.floor, keep=True)
         if self._null is None:
             now, self.undetectable = _drop_undetectable(problem, now)
         around = marginalise_walks(problem, now)
