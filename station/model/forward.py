@@ -189,12 +189,11 @@ def derivatives(
 
 def _difference(one: Signal, two: Signal, base: BaseResponse, active: ActiveEffects) -> Floats:
     """`read` (n, 3) of one signal less that of another, of the same scene."""
-    visits, visit = one.scene.visits, one.scene.visit
-    matrix = base.matrix[visits.unit.code]
+    unit, visit = one.scene.visits.unit.code, one.scene.visit
     if one.moving or two.moving:
-        apart = np.einsum("nij,nj->ni", matrix[visit], one.true - two.true)
+        apart = np.einsum("nij,nj->ni", base.matrix[unit[visit]], one.true - two.true)
     else:
-        apart = np.einsum("vij,vj->vi", matrix, one.at_visit - two.at_visit)[visit]
+        apart = np.einsum("vij,vj->vi", base.matrix[unit], one.at_visit - two.at_visit)[visit]
     for acting in active.values():
         if isinstance(acting.effect, SensorEffect):
             c = acting.by_row(one.scene)

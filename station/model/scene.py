@@ -65,6 +65,11 @@ class Scene:
         visits = visit_table(recipe, Labels(units, code), zero, zero, {"position": one})
         return Scene(recipe, visits, np.zeros(0, np.intp), np.zeros(0))
 
+    def of_rows(self, rows: slice) -> "Scene":
+        """Some of the rows, at all visits."""
+        covariates = {name: getattr(self, name) for name in ("visit", "time_s", *COVARIATES)}
+        return replace(self, **{name: x[rows] for name, x in covariates.items() if x is not None})
+
     def without_rows(self) -> "Scene":
         """The same visits and no samples: what is worth keeping of a part of a fleet."""
         return Scene(self.recipe, self.visits, np.zeros(0, np.intp), np.zeros(0))
@@ -108,6 +113,10 @@ class Signal:
     true: Floats
     at_visit: Floats
     moving: bool = False
+
+    def of_rows(self, rows: slice) -> "Signal":
+        """What is felt at some of the rows."""
+        return Signal(self.scene.of_rows(rows), self.true[rows], self.at_visit, self.moving)
 
     @cached_property
     def step(self) -> Floats:

@@ -75,7 +75,7 @@ class ReducedScene:
         """Rows of `fine` that a visit has."""
         return int(self.count.shape[1]) * len(NODES)
 
-    def reduce_fine(self, rows: Floats, visits: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats]:
+    def reduce_fine(self, rows: Floats, visits: NDArray[np.bool_] | slice | None = None) -> tuple[Floats, Floats]:
         """Mean (v, c) and contrasts (v, B−1, c) of values on the rows of `fine` (v · B · nodes, c), or of those of some
         visits alone."""
         count = self.count if visits is None else self.count[visits]
