@@ -63,8 +63,8 @@ class StopColumns:
                     courses += [values] if place == len(courses) else []
                     course, axis, column = [*course, place], [*axis, i], [*column, 3 * p + i]
         still = np.stack(courses, axis=1) if courses else np.zeros((len(parts[0]), 0))
-        alone, places = len(column) == 3 * len(parts), (np.array(x, np.intp) for x in (axis, column, course))
-        return StopColumns(*places, still, None, 3 * len(parts), alone)
+        axes, columns, of_course = (np.array(x, np.intp) for x in (axis, column, course))
+        return StopColumns(axes, columns, of_course, still, None, 3 * len(parts), len(column) == 3 * len(parts))
 
     def stop(self, stops: slice = ALL_STOPS) -> Floats:
         """Whole columns of some stops' means (v, 3, a)."""

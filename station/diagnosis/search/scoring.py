@@ -210,7 +210,7 @@ class ScoredBank:
 
 def score_bank(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor, *, keep: bool = False) -> ScoredBank:
     """The bank under a floor; keep: with what tells it in larger noise, too."""
-    projected = []
+    projected = list[ProjectedBank]()
     for bank in banks:
         space = problem.setting.scored_space(at, moving=bank.moving)
         projected += project_bank(bank, problem.setting.layout, [space], keep=keep)
