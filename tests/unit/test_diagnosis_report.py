@@ -187,6 +187,9 @@ def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
     assert section(helpless, "next-run").text == (
         "No change of this recipe that the station knows of would separate them.",
     )
+    left = {**run, "certainty": 0.004, "leaves": ["asymmetry", "quadratic"]}
+    (words,) = section(build_page(some_data("named", [cause], next_run=left)), "next-run").text
+    assert "named then: 0 %. asymmetry, quadratic may stay tied. What would tell them apart: tilts between" in words
     assert "If it is warm-up: " in alone.do
     assert ". If it is clamp-creep: " in alone.do
 

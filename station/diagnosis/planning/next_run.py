@@ -1,11 +1,9 @@
 """The next run for a diagnosis that ended in a tie."""
 
-from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
 
-from station import plugins
 from station.diagnosis.candidates.bank import FLOOR_CAUSES
 from station.diagnosis.planning.measured import measured_campaign
 from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, Proposal, propose
@@ -13,8 +11,7 @@ from station.diagnosis.results.diagnose import Cause, Diagnosis
 from station.diagnosis.search.distinguishability import estimate_signal
 from station.diagnosis.search.scoring import score_bank
 from station.errors import RecipeError
-from station.model.effect import Effect
-from station.model.model_file import EFFECTS
+from station.model.tie_breakers import tie_breakers
 
 #: Where nothing parts what is tied: the faces have a sentence for it in their language.
 NO_RUN = ""
@@ -34,7 +31,7 @@ def next_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
         found = None
     if found is None:
         members = {name for c in tied for name in (c.finding.name, *c.finding.indistinguishable_from)}
-        return _without_run(next(_tie_breakers(members), NO_RUN)), None
+        return _without_run(next(tie_breakers(members), NO_RUN)), None
     return _document(found), found
 
 
@@ -67,13 +64,6 @@ def _document(found: Proposal) -> dict[str, Any]:
         "leaves": list(found.leaves),
         "certainty": found.certainty,
     }
-
-
-def _tie_breakers(members: Collection[str]) -> Iterator[str]:
-    """What would tell two of these causes apart though no run does, as their files say."""
-    for name in sorted(members):
-        kind: type[Effect] = plugins.load(EFFECTS, name)
-        yield from (text for other, text in kind.separated_by if other in members)
 
 
 def _tie(d: Diagnosis, c: Cause) -> CauseTie | None:

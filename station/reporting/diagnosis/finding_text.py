@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from station.messages import templates
+from station.model.tie_breakers import tie_breakers
 from station.reporting.diagnosis.cause_text import cause_text
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.quantity_format import display_unit, format_significant, format_size
@@ -189,6 +190,7 @@ def next_run_sentence(data: ReportData) -> str:
         parts.append(report_text("next-certainty", percent=math.floor(100 * certainty)))
     if run.get("leaves"):
         parts.append(report_text("next-leaves", names=run["leaves"]))
+        parts += [report_text("next-beyond", change=text) for text in dict.fromkeys(tie_breakers(run["leaves"]))]
     return " ".join(parts)
 
 
