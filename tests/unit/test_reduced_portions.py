@@ -201,6 +201,30 @@ def test_what_is_out_of_the_ordinary_is_looked_at_whole(change: Callable[[Sample
     assert reduce_portions(RECIPE, by_unit(made)) is None
 
 
+def test_drives_that_differ_only_between_units_are_seen_together() -> None:
+    """Nothing is known of a tone in the first unit until another drive is met."""
+    made = table()
+    still = _with(made, motor=np.ones(len(made)))
+    found = reduced(still)
+    assert "motor-tone" in found.inspection.undetectable
+    assert reduce_portions(RECIPE, by_unit(_with(made, motor=1.0 * (made.unit.code == 2)))) is None
+
+
+def test_dwells_that_show_no_tone_before_longer_ones_are_seen_together() -> None:
+    made = table()
+    place = np.arange(len(made)) % 25
+    assert reduce_portions(RECIPE, by_unit(made[(made.unit.code > 0) | (place < 17)])) is not None
+    assert reduce_portions(RECIPE, by_unit(made[(made.unit.code > 0) | (place < 11)])) is None
+
+
+def test_a_tone_between_the_frequencies_of_shorter_dwells_is_not_missed() -> None:
+    made = table()
+    extent = ToneExtent.of(made, visits_scene_of_table(RECIPE, made).visit)
+    assert extent is not None and extent.longest == 25
+    assert ToneSearch(25.0, 13, in_parts=True).covers(extent)
+    assert not ToneSearch(25.0, 12, in_parts=True).covers(extent)
+
+
 def test_a_tone_that_all_units_show_together_is_in_none_of_them() -> None:
     made = humming(table(8))
     for portion in by_unit(made)():

@@ -17,10 +17,13 @@ PLAIN, TEXT = ("run", "visit", "time_s", "reading"), ("unit", "position")
 def gather(pieces: Iterator[SampleTable], room: int) -> SampleTable:
     """One table of at least one piece, of about so many rows together; a column that not all of them have is left
     out."""
-    first = next(pieces)
+    first, second = next(pieces), next(pieces, None)
+    if second is None:
+        return first
     columns = {name: _LabelColumn(c, room) if isinstance(c, Labels) else _Column(c, room) for name, c in _of(first)}
-    count = 0
-    for piece in chain([first], pieces):
+    count, every = 0, chain([first, second], pieces)
+    del first, second
+    for piece in every:
         own = dict(_of(piece))
         columns = {name: column for name, column in columns.items() if name in own}
         for name, column in columns.items():

@@ -51,13 +51,17 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
         order = np.argsort(stop, kind="stable")
         table, stop = table[order], stop[order]
     mean = _means(table.reading, stop)
-    read = axis_decoding.wrong_decodings(scene, mean, clipping.clipped(table, stop)[0])
+    cut_off = clipping.clipped(table, stop)
+    read = axis_decoding.wrong_decodings(scene, mean, cut_off[0])
     found = axis_decoding.faults(table, scene, read, mean)
     if any(f.rejected for f in found):
         # What no held-out stop confirms is no way to decode the table.
         found, read = [], {}
-    table = replace(table, reading=axis_decoding.corrected_readings(table, read)) if read else table
-    for part in (clipping, grid_step, stuck_bits, counters, clock):
+    if read:
+        table = replace(table, reading=axis_decoding.corrected_readings(table, read))
+        cut_off = clipping.clipped(table, stop)
+    found += clipping.faults(recipe, table, stop, cut_off)
+    for part in (grid_step, stuck_bits, counters, clock):
         found += part.faults(recipe, table, stop)
     moved = gold_reference.course(recipe, table, scene, stop)
     if moved is not None:
@@ -65,7 +69,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
         table = gold_course.without(recipe, table, stop, moved)
     by_gold = gold_reference.faults(recipe, table, scene, stop)
     found, table = [*found, *by_gold], gold_reference.without_gold_drift(recipe, table, by_gold)
-    _, bad = clipping.clipped(table, stop)
+    _, bad = cut_off
     hit = np.zeros(len(scene.visits), bool)
     hit[stop[bad]] = True
     whole = ~hit[stop]

@@ -24,8 +24,11 @@ MIN_CLIPPED_SAMPLES = 5
 #: No limit below or above, of three axes (2, 3).
 _OPEN = np.array([[-np.inf], [np.inf]]) * np.ones(3)
 
+#: Limits (2, 3) by unit, and which samples (n) are of a clipped stop.
+CutOff = tuple[dict[int, Floats], NDArray[np.bool_]]
 
-def clipped(table: SampleTable, stop: NDArray[np.intp]) -> tuple[dict[int, Floats], NDArray[np.bool_]]:
+
+def clipped(table: SampleTable, stop: NDArray[np.intp]) -> CutOff:
     """Lower and upper limit of each axis (2, 3) of each clipped unit, infinite where an axis shows none, and which
     samples (n) belong to a clipped stop."""
     limits: dict[int, Floats] = {}
@@ -91,9 +94,9 @@ def _repeat_share(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.boo
     return np.array([np.median(s[f]) if f.any() else np.nan for s, f in zip(shares.T, fine.T, strict=True)])
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
-    """Units that saturate below their full scale."""
-    limits, bad = clipped(table, stop)
+def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], cut_off: CutOff) -> list[GrossFault]:
+    """Units that saturate below their full scale; cut_off: what `clipped` finds of the table."""
+    limits, bad = cut_off
     full = recipe.device.full_scale
     limits = {u: x for u, x in limits.items() if full is None or np.abs(x).min() < 0.999 * full}
     if not limits:
