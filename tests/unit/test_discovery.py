@@ -11,12 +11,13 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.discover import FoundTerm, _group_terms, discover, is_series
+from station.diagnosis.discovery.equivalent_terms import is_same_curve
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise, prior_chances
 from station.diagnosis.discovery.scan import scanned_units
-from station.diagnosis.discovery.term_fit import TermSpaces, accepted, fit_term, refine, search_between
+from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, accepted, fit_term, refine, search_between
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
@@ -26,6 +27,7 @@ from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.model.formula.term import Term
 from station.model.model_file import Model
+from station.model.scene import Scene
 from station.reporting.diagnosis.formula_curve import _curve, formula_curves
 from tests.blind.bench import WHITE, Scaled, World, hide
 from tests.blind.hidden import KNOWN
@@ -78,6 +80,40 @@ def test_of_two_temperatures_a_square_leads_before_a_corner_that_no_run_shows() 
     (term,) = discover(problem, None, 1, lambda *_: 3.2).terms
     assert term.fit.term.family == ("other", "temperature-squared")
     assert ("other", "temperature-kink") in [f.term.family for f in term.equivalent]
+
+
+@pytest.mark.parametrize(
+    ("modulator", "constants", "same"),
+    [
+        ("temperature", {"about_degC": 22.0}, False),
+        ("temperature-kink", {"kink_degC": 24.0}, False),
+        ("temperature-squared", {"about_degC": 22.0}, True),
+        ("temperature", {"about_degC": -290.0}, True),
+    ],
+)
+def test_laws_that_agree_at_two_temperatures_are_one_only_if_they_agree_between(
+    modulator: str, constants: dict[str, float], same: bool
+) -> None:
+    """Of 10 K in all: the same number at each visit, but another one between."""
+    scene = Scene(None, None, np.arange(4), np.arange(4.0), temperature_degC=np.array([22.0, 22.0, 32.0, 32.0]))  # type: ignore[arg-type]
+    signal = np.array([[0.0, 0.0, 9.0, 9.0]])
+    about = -299.0 if modulator == "temperature" and same else 22.0
+    one, other = (
+        TermFit(Term("other", name, ("z:x",), "common", tuple(fixed.items())), 0.5, 1, 1.0, 20.0, signal)
+        for name, fixed in (("temperature-squared", {"about_degC": about}), (modulator, constants))
+    )
+    assert is_same_curve(one, other, scene) is same
+
+
+def test_what_the_calibration_takes_up_is_no_part_of_a_curve() -> None:
+    scene = Scene(None, None, np.arange(2), np.arange(2.0), temperature_degC=np.array([20.0, 30.0]))  # type: ignore[arg-type]
+    signal = np.array([[-4.0, 4.0]])
+    one, other, felt = (
+        TermFit(Term(name, "temperature", ("z",), "common", (("about_degC", about),)), 0.5, 1, 1.0, 20.0, signal)
+        for name, about in (("own", 25.0), ("own", 90.0), ("own-squared", 90.0))
+    )
+    assert is_same_curve(one, other, scene)
+    assert not is_same_curve(replace(one, term=replace(one.term, input="own-squared")), felt, scene)
 
 
 def test_the_curve_of_what_dies_away_within_a_dwell_is_that_of_the_means() -> None:

@@ -174,11 +174,11 @@ class _FormulaSearch:
         close = [f for f in fits if f.odds > leader.odds - REFINED_NATS]
         again = [with_levels(refine(f.term, fairer.of(f.term)), fairer.of(f.term), self._levels) for f in close]
         again.sort(key=lambda f: -f.odds)
-        best = simplest(again)
+        best = simplest(again, problem.view.scene)
         score = best.score + fairer.of(best.term).space.profile - spaces.of(best.term).space.profile
         if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
-        near = other_families([f for f in again if f.odds > best.odds - SET_NATS], best)
+        near = other_families([f for f in again if f.odds > best.odds - SET_NATS], best, problem.view.scene)
         return FoundTerm(name, best, score, near)
 
     def merged(

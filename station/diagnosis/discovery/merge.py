@@ -45,7 +45,7 @@ class TermPair:
         """Those of the terms that could not be told from either which cannot be told from one term, on its axes."""
         terms = {f.term.family: _on_axes_of(f.term, one.term) for f in former if f.term.family != one.term.family}
         fits = [with_levels(refine(t, self._spaces.of(t)), self._spaces.of(t), levels) for t in terms.values()]
-        return other_families([f for f in fits if f.odds > one.odds - SET_NATS], one)
+        return other_families([f for f in fits if f.odds > one.odds - SET_NATS], one, self.bare.view.scene)
 
 
 def _on_axes_of(term: Term, like: Term) -> Term:
