@@ -18,6 +18,10 @@ SWITCHES, BENDS, PERIODS = (
     (0.3, 0.5, 0.7, 0.85),
     (0.2, 0.3, 0.45, 0.65, 0.9),
 )
+#: Quantiles about which something may be there alone, and over what share of the range.
+BUMPS, BUMP_SHARE = (0.25, 0.4, 0.55, 0.7), 0.13
+#: Steps of a compensation over the whole range of temperature, and where in a step it may begin.
+STAIRS, BEGINS = (2.0, 2.25, 2.5, 2.8, 3.15, 3.5, 3.95, 4.4, 5.0), (0.0, 0.25, 0.5, 0.75)
 #: Levels of the motors between which something may switch, at most.
 MAX_LEVELS = 24
 #: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
@@ -39,13 +43,14 @@ Law = tuple[str, tuple[Floats, ...]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curves:
-    """Functions (v) of one covariate. plain: a straight line; bent and switched: at one place each; waves: cosine and
-    sine of one period each; fading: what is nought at the end, in place of the beginning."""
+    """Functions (v) of one covariate. plain: a straight line; bent, switched and bumped: at one place each; waves:
+    cosine and sine of one period each; fading: what is nought at the end, in place of the beginning."""
 
     plain: Floats
     bent: tuple[Floats, ...]
     switched: tuple[Floats, ...]
     waves: tuple[tuple[Floats, Floats], ...] = ()
+    bumped: tuple[Floats, ...] = ()
     fading: tuple[Floats, ...] = ()
 
 
@@ -53,7 +58,7 @@ def laws_of_view(view: ResidualView) -> Iterator[Law]:
     """Every law of what these data have recorded."""
     a, step, curves = _stimulus(view), steps_of_stimulus(view), dict(curves_by_covariate(view))
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
-    yield from chain(_memories(view), _campaign(view), _visits_before(view, a, step))
+    yield from chain(_memories(view), _campaign(view), _stairs(view), _visits_before(view, a, step))
     yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
 
 
@@ -92,6 +97,7 @@ def _curves_of(x: Floats, plain: Floats) -> Curves:
         tuple(np.maximum(sign * (x - np.quantile(x, q)), 0.0) for q in BENDS for sign in (1, -1)),
         tuple(centred_values(x > np.quantile(x, q)) for q in SWITCHES),
         tuple((np.cos(phase / p), np.sin(phase / p)) for p in PERIODS),
+        tuple(np.exp(-0.5 * ((x - np.quantile(x, q)) / (BUMP_SHARE * np.ptp(x))) ** 2) for q in BUMPS),
     )
 
 
@@ -115,7 +121,8 @@ def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
     """An offset that bends, switches or swings, or follows a product."""
     for name, of in curves.items():
         # What switches in time is a cause of the library.
-        yield from ((name, (on_every_axis(x),)) for x in (*of.bent, *(of.switched if name != "time" else ())))
+        places = (*of.bent, *of.bumped, *(of.switched if name != "time" else ()))
+        yield from ((name, (on_every_axis(x),)) for x in places)
         yield from ((name, (on_every_axis(of.plain), on_every_axis(x))) for x in of.bent[::2])
         yield from ((name, (on_every_axis(x), on_every_axis(y))) for x, y in of.waves)
     for (one, x), (two, y) in combinations(curves.items(), 2):
@@ -152,6 +159,15 @@ def _campaign(view: ResidualView) -> Iterator[Law]:
         yield from (("time", (on_every_axis(x), on_every_axis(y))) for x, y in waves)
 
 
+def _stairs(view: ResidualView) -> Iterator[Law]:
+    """An offset that climbs with the temperature and falls back at once, as where a compensation goes by steps."""
+    T = view.scene.temperature_degC
+    if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
+        share = (T - T.min()) / np.ptp(T)
+        for steps, begun in product(STAIRS, BEGINS):
+            yield "temperature", (on_every_axis(centred_values((steps * share + begun) % 1.0)),)
+
+
 def _visits_before(view: ResidualView, a: Floats, step: Floats) -> Iterator[Law]:
     """What the visits before have left, the later the more: of long moves, of all moves, of what was felt."""
     length = np.linalg.norm(step, axis=1)
@@ -165,7 +181,7 @@ def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     """A gain that does; a gain straight with temperature is a cause of the library."""
     for name, of in curves.items():
         plain = () if name == "temperature" else (of.plain,)
-        yield from ((f"{name}*input", (on_every_axis(x) * a,)) for x in (*plain, *of.bent, *of.switched))
+        yield from ((f"{name}*input", (on_every_axis(x) * a,)) for x in (*plain, *of.bent, *of.switched, *of.bumped))
         yield from ((f"{name}*input", (on_every_axis(x) * a, on_every_axis(y) * a)) for x, y in of.waves)
     for (one, x), (two, y) in combinations(curves.items(), 2):
         yield f"{one}*{two}*input", (on_every_axis(x.plain * y.plain) * a,)
