@@ -124,3 +124,12 @@ def test_an_offset_by_temperature_stays_in_the_set_where_a_thermometer_hardly_sh
     table, _ = hide(faces, per_unit(3e-4, lambda w, rng: w.T - 22), 90 + SEED, d=14.0, world_of=rising)
     (found,) = searched(faces, table).findings
     assert "offset-temperature" in (found.name, *found.indistinguishable_from)
+
+
+def test_what_a_thermometer_may_be_off_by_ties_the_rate_of_temperature_to_no_asymmetry() -> None:
+    """At six faces once, four numbers are left of a unit's axis; the rate's errors, of any size, followed all four."""
+    faces = six_faces("listed")
+    table, _ = hide(faces, KNOWN["asymmetry"], 92 + SEED, d=16.0)
+    (found,) = searched(faces, table).findings
+    assert "asymmetry" in (found.name, *found.indistinguishable_from)
+    assert "temperature-rate" not in (found.name, *found.indistinguishable_from)

@@ -9,9 +9,10 @@ import pytest
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.imitators import _in_noise_of, _rest
+from station.diagnosis.search.finding import _rival_of
 from station.diagnosis.search.form_check import compare_laws
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view
-from station.diagnosis.search.rank import with_free_variance
+from station.diagnosis.search.rank import causes_of, with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.search_state import CauseSearch
@@ -93,6 +94,19 @@ def test_a_law_written_twice_is_no_nearer_to_the_data_by_another_noise_of_contra
     again = problem_in_view(known, replace(known.view, sigma=1.006 * known.view.sigma), known.accepted)
     assert _rest(known) - _rest(again) > 3
     assert _rest(_in_noise_of(again, known)) == pytest.approx(_rest(known), rel=1e-12)
+
+
+def test_a_rival_is_asked_to_follow_a_cause_in_the_groups_that_the_cause_acts_in() -> None:
+    """One size for all units, the least bad of what explains nothing, follows no drift of each unit."""
+    search = CauseSearch(problem_of(KNOWN["bias-drift"], 60 + SEED, units=4, d=14.0), null_of)
+    ranks = search.ranks(search.first, [])
+    drift = ranks["bias-drift"].best
+    assert drift is not None
+    assert drift.of == "unit"
+    found = [(r.best, _rival_of(drift, r.best, r.at)) for r in causes_of(ranks) if r.best is not None]
+    assert any(best.of == "common" and rival.of == "unit" for best, rival in found)
+    of_units = {c.name for c in search.first.now.candidates if c.of == "unit"}
+    assert all(rival.of == "unit" for best, rival in found if best.name in of_units)
 
 
 @pytest.mark.parametrize("neighbours", [(3, 5, 6), (8, 9)])

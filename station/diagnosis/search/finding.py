@@ -15,7 +15,7 @@ from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS
 from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
 from station.diagnosis.search.jump_times import fit_jump_times
 from station.diagnosis.search.rank import RankedCause, causes_of, leaders
-from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 
 #: A kernel must beat every cause by this share, too: no form, and no mean of a block, is more exact. What it leaves out
 #: is found in the next round.
@@ -148,6 +148,19 @@ def is_free_in_each_run(candidate: Candidate) -> bool:
     return usual == "run" and candidate.pattern == "own"
 
 
+def _rival_of(accepted: Candidate, best: Candidate, at: ScoredBank) -> Candidate:
+    """A rival as it stood best where it acts in the same groups as what was accepted, if it can: the level at which it
+    explains least badly alone is the one of fewest numbers, which follows nothing."""
+    alike = [
+        (value, c)
+        for value, c in zip(at.readings().evidence[0], at.candidates, strict=True)
+        if c.name == best.name and (c.of, c.pattern) == (accepted.of, accepted.pattern)
+    ]
+    if not alike or (best.of, best.pattern) == (accepted.of, accepted.pattern):
+        return best
+    return max(alike, key=lambda pair: pair[0])[1]
+
+
 def _indistinguishable(
     problem: ScoringProblem, causes: Sequence[RankedCause], accepted: AcceptedCause | None, floor: NoiseFloor
 ) -> tuple[list[str], float]:
@@ -156,7 +169,7 @@ def _indistinguishable(
         return [], 0.0
     # An offset of each run's own imitates any slow cause; that parsimony forbids it, no column shows.
     others = [
-        (r.best, r.at)
+        (_rival_of(accepted.candidate, r.best, r.at), r.at)
         for r in causes
         if r.best is not None and r.name != accepted.candidate.name and not is_free_in_each_run(r.best)
     ]
