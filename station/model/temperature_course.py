@@ -23,6 +23,8 @@ LEAST_ODDS = 0.02
 #: A thermometer's noise from visit to visit is no more than this, degC, nor than so many times what visits usually are
 #: off their neighbours: what is more was as warm as it read. The median of |x| beside the deviation of normal x.
 MOST_NOISE_DEGC, MOST_BEYOND_SCATTER, MEDIAN_PER_SIGMA = 0.1, 2.0, 0.6745
+#: Noise of less than this share of the deviation of all temperatures blurs no cause.
+LEAST_NOISE_SHARE = 0.01
 #: Runs that the stiffness is judged by, at most.
 MAX_LIKELIHOOD_RUNS = 48
 #: So many runs show how their slopes scatter; fewer are taken as they are.
@@ -75,12 +77,13 @@ def temperature_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[Temperatu
 
 
 def _is_smooth(kinds: Sequence[RunTemperatures], likely: Sequence[Stiffness]) -> bool:
-    """Whether what a smooth course leaves is a thermometer's noise: no more than such ones have, nor than visits
-    scatter about their neighbours; a jump would be far more."""
+    """Whether what a smooth course leaves is a thermometer's noise, and worth taking off: no more than such ones have,
+    nor than visits scatter about their neighbours (a jump would be far more), nor next to nothing beside the changes."""
     noise = float(np.sqrt(sum(each.share * each.noise**2 for each in likely)))
     off = [_off_neighbours(runs).ravel() for runs in kinds if runs.time.shape[1] > 2]
     usual = float(np.median(np.abs(np.concatenate(off)))) / MEDIAN_PER_SIGMA if off else np.inf
-    return noise <= min(MOST_NOISE_DEGC, MOST_BEYOND_SCATTER * usual)
+    changes = float(np.std(np.concatenate([runs.value.ravel() for runs in kinds])))
+    return LEAST_NOISE_SHARE * changes < noise <= min(MOST_NOISE_DEGC, MOST_BEYOND_SCATTER * usual)
 
 
 def _off_neighbours(runs: RunTemperatures) -> Floats:
