@@ -78,7 +78,7 @@ def temperature_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[Temperatu
 
 def _is_smooth(kinds: Sequence[RunTemperatures], likely: Sequence[Stiffness]) -> bool:
     """Whether what a smooth course leaves is a thermometer's noise, and worth taking off: no more than such ones have,
-    nor than visits scatter about their neighbours (a jump would be far more), nor next to nothing beside the changes."""
+    nor than visits scatter about their neighbours (a jump would be far more), nor nothing beside the changes."""
     noise = float(np.sqrt(sum(each.share * each.noise**2 for each in likely)))
     off = [_off_neighbours(runs).ravel() for runs in kinds if runs.time.shape[1] > 2]
     usual = float(np.median(np.abs(np.concatenate(off)))) / MEDIAN_PER_SIGMA if off else np.inf

@@ -8,10 +8,10 @@ import pytest
 
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.results.imitators import _in_noise_of, _rest
+from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _rest
 from station.diagnosis.search.finding import _rival_of
 from station.diagnosis.search.form_check import compare_laws
-from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view, refined
 from station.diagnosis.search.rank import causes_of, with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
@@ -94,6 +94,16 @@ def test_a_law_written_twice_is_no_nearer_to_the_data_by_another_noise_of_contra
     again = problem_in_view(known, replace(known.view, sigma=1.006 * known.view.sigma), known.accepted)
     assert _rest(known) - _rest(again) > 3
     assert _rest(_in_noise_of(again, known)) == pytest.approx(_rest(known), rel=1e-12)
+
+
+def test_a_cause_that_came_out_too_small_beside_a_walk_is_compared_at_its_size() -> None:
+    """A prior of a tenth of the size leaves slopes in the data, which no walk is there to take up in the comparison."""
+    search = CauseSearch(problem_of(KNOWN["bias-drift"], 60 + SEED, units=4, d=30.0), null_of)
+    ranks = search.ranks(search.first, [])
+    known = search.accepted(search.first, ranks, ranks["bias-drift"])[1].problem
+    small = refined(known.with_accepted([replace(item, std=0.1 * item.std) for item in known.accepted]))
+    assert _rest(small) - _rest(known) > BEYOND_NOISE**2
+    assert _rest(_in_noise_of(_alike(small), known)) - _rest(_in_noise_of(_alike(known), known)) < 1.0
 
 
 def test_a_rival_is_asked_to_follow_a_cause_in_the_groups_that_the_cause_acts_in() -> None:

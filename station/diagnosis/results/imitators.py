@@ -33,6 +33,8 @@ LEAST_CAUSES = 2
 SAME_LAW = 1e-6
 #: A formula of as many parts as there are causes must be nearer to the data than they by this length of white data.
 BEYOND_NOISE = 3.3
+#: A prior so many times as wide as that of a found size holds nothing.
+LOOSE = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +91,7 @@ def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProble
     """Whether a formula accounts for everything in fewer parts, or in as many far more nearly, and more likely by what
     it costs to write them down."""
     problem = _alike(last if with_causes.formula is None else with_causes.formula.problem)
-    bare = _alike(_in_noise_of(alone.problem, problem))
+    bare = _in_noise_of(_alike(alone.problem), problem)
     causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
     if len(alone.terms) >= with_causes.parts and _rest(problem) - _rest(bare) < BEYOND_NOISE**2:
         return False
@@ -103,9 +105,15 @@ def _in_noise_of(problem: ScoringProblem, other: ScoringProblem) -> ScoringProbl
 
 
 def _alike(problem: ScoringProblem) -> ScoringProblem:
-    """The problem with every coefficient held by the size that those of its cause or term have. A prior takes half a
-    nat off each coefficient that it is no wider than: of two spellings of one law the looser would be the likelier."""
-    return problem.with_accepted([_held_by_size(item) for item in problem.accepted])
+    """The problem with every coefficient held by the size that those of its cause or term have once hardly anything
+    holds them. A prior takes half a nat off each coefficient that it is no wider than: of two spellings of one law the
+    looser would be the likelier. And where a walk may take up a slope, a cause has come out too small to follow it."""
+    free = refined(problem.with_accepted([_hardly_held(item) for item in problem.accepted]), rounds=2)
+    return free.with_accepted([_held_by_size(item) for item in free.accepted])
+
+
+def _hardly_held(item: AcceptedCause) -> AcceptedCause:
+    return item if np.any(item.mean) else replace(item, std=LOOSE * item.std)
 
 
 def _held_by_size(item: AcceptedCause) -> AcceptedCause:
