@@ -114,11 +114,16 @@ def separations(
     return {c.name: _separation(found, c, hit, view, space) for c, hit in others}
 
 
+def has_covariate_error(candidate: Candidate) -> bool:
+    """Whether some columns of a candidate are what its covariate may be off by."""
+    return candidate.plain is not None and candidate.plain.axes < candidate.axes
+
+
 def _separation(
     found: EstimatedSignal, other: Candidate, hit: Floats, view: ResidualView, space: ResidualSpace
 ) -> float:
     """d·√κ against one. What an error of its covariate does is no column of any size."""
-    if other.plain is None or other.plain.axes == other.axes:
+    if other.plain is None or not has_covariate_error(other):
         return float(np.sqrt(max(_apart(found, accept_candidate(other, hit > 0, 1.0), view, space), 0.0)))
     apart = _apart(found, accept_candidate(other.plain, hit > 0, 1.0), view, space)
     gained = _gained_by_error(found, other, other.plain.axes, view, space)

@@ -12,7 +12,13 @@ from station.diagnosis.candidates.shape import has_jump
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS
-from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
+from station.diagnosis.search.distinguishability import (
+    SEPARATION_95,
+    SEPARATION_99,
+    estimate_signal,
+    has_covariate_error,
+    separations,
+)
 from station.diagnosis.search.jump_times import fit_jump_times
 from station.diagnosis.search.rank import RankedCause, causes_of, leaders
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
@@ -178,4 +184,7 @@ def _indistinguishable(
     found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
     hits = [(c, at.hit(c, problem.view, alone=True).astype(float)) for c, at in others]
     apart = separations(found, hits, problem.view, space)
-    return sorted((n for n, x in apart.items() if x < SEPARATION_95), key=lambda n: apart[n]), found.d
+    # How far a covariate may be off is an estimate, too: from such a cause nothing is told by little.
+    blurred = {c.name for c, _ in others if has_covariate_error(c)}
+    near = [n for n, x in apart.items() if x < (SEPARATION_99 if n in blurred else SEPARATION_95)]
+    return sorted(near, key=lambda n: apart[n]), found.d
