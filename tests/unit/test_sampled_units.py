@@ -1,15 +1,17 @@
 """What a sample of a fleet's units leaves out changes nothing of what all of them say."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search import form_check, rank, unit_sample, walk_marginal
-from station.diagnosis.search.candidate_banks import build_banks
+from station.diagnosis.search import form_check, other_starts, rank, unit_sample, walk_marginal
+from station.diagnosis.search.candidate_banks import CandidateBanks, build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import evidence_by_cause, score_bank
 from station.diagnosis.search.unit_sample import sampled_units
@@ -83,6 +85,23 @@ def test_causes_without_hope_under_a_floor_are_behind_what_they_were(
     assert all(after[name][0] < before[name][0] for name in left_out)
     alone(monkeypatch)
     assert rank._hopeful(fleet, banks, at, [first]) is banks
+
+
+def test_partners_far_behind_in_a_sample_are_not_the_best(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(other_starts, "FLOOR_UNITS", 3)
+    search: Any = SimpleNamespace(banks=CandidateBanks(fleet.view), undetectable=())
+    at = score_bank(fleet, search.banks.of(fleet.view, ()), fleet.fit().floor)
+    start = next(c for c in at.candidates if c.name == "index-error" and at.shows(c))
+    cause = rank.RankedCause(start.name, 1.0, start, at)
+    kept = [c for bank in other_starts._partners(search, fleet, at.floor) for c in bank.candidates]
+    value, names = other_starts._with_partner(search, fleet, cause)
+    alone(monkeypatch)
+    whole, whole_names = other_starts._with_partner(search, fleet, cause)
+    assert value == pytest.approx(whole, rel=1e-9)
+    assert names == whole_names == ("index-error", "quadratic")
+    every = [c for bank in other_starts._partners(search, fleet, at.floor) for c in bank.candidates]
+    assert {c.name for c in every if c.pattern == "scan"} < {c.name for c in kept} < {c.name for c in every}
+    assert not {c.name for c in every} & set(KERNEL_NAMES)
 
 
 def test_laws_far_behind_in_samples_are_not_looked_at_in_all_units(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ for all, one a position …). Derivatives of the simulation by its coefficients 
 own rows, so one derivative serves all groups and all levels.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -328,6 +328,10 @@ class Bank:
         place = {(id(m.columns), m.code.tobytes()): m.at for m in self.made}
         columns = np.concatenate([np.r_[place[id(m.columns), m.code.tobytes()]] for m in bank.made])
         return replace(bank, all_columns=self.all_columns.only(columns))
+
+    def named(self, names: Collection[str]) -> "Bank":
+        """The same with the candidates of some names."""
+        return self.only([i for i, c in enumerate(self.candidates) if c.name in names])
 
     def rows(self, layout: RowLayout, units: slice, made: Sequence[BankColumns] | None = None) -> DataColumns:
         """The columns of some units, all of them or some sets side by side."""

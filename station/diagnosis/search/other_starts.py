@@ -7,12 +7,15 @@ cheap as one look at the bank. Only what is then ahead is looked for in full.
 
 from collections.abc import Mapping
 
+from station.diagnosis.candidates.bank import Bank
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.cause_chains import CHOICE_NATS, Chain, chain_from
 from station.diagnosis.search.held_out_gain import held_out_gain
 from station.diagnosis.search.rank import RankedCause, causes_of
 from station.diagnosis.search.scoring import ScoringProblem, evidence_by_cause, score_bank
 from station.diagnosis.search.search_state import CauseSearch, SearchState
+from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, sampled_units
 
 #: Causes that are set beside another one, and pairs that are looked for in full.
 MAX_STARTS, MAX_PAIRS = 4, 2
@@ -66,7 +69,23 @@ def _with_partner(search: CauseSearch, problem: ScoringProblem, cause: RankedCau
     """The evidence of a cause and of the best one beside it, and their names."""
     assert cause.best is not None
     known = problem.with_accepted((*problem.accepted, cause.at.accept(cause.best, problem.view)))
-    now = score_bank(known, search.banks.of(known.view, search.undetectable), known.fit(cause.at.floor).floor)
+    floor = known.fit(cause.at.floor).floor
+    now = score_bank(known, _partners(search, known, floor), floor)
     evidence = evidence_by_cause(now.candidates, now.readings().evidence)
-    value, partner = max((float(e[0]), n) for n, e in evidence.items() if n not in KERNEL_NAMES)
+    value, partner = max((float(e[0]), n) for n, e in evidence.items())
     return cause.evidence + value - CHOICE_NATS, (cause.name, partner)
+
+
+def _partners(search: CauseSearch, known: ScoringProblem, floor: NoiseFloor) -> list[Bank]:
+    """The causes of which any may be the best beside what is known: of a fleet those that a sample does not show to be
+    far behind, and all that hit few units, as they may hit none of the sample."""
+    every = search.banks.of(known.view, search.undetectable)
+    banks = [bank.named({c.name for c in bank.candidates} - set(KERNEL_NAMES)) for bank in every]
+    sample = sampled_units(known.setting, FLOOR_UNITS)
+    if sample is None:
+        return banks
+    (some,) = sample.scored([c for bank in banks for c in bank.candidates], [floor])
+    evidence = some.readings().evidence[0]
+    far = sample.surely(evidence.max() - evidence) > HOPELESS_NATS
+    names = {c.name for c, behind in zip(some.candidates, far, strict=True) if not behind or c.pattern == "scan"}
+    return [bank.named(names) for bank in banks]

@@ -126,8 +126,10 @@ def _hopeful(
         names = {c.name for c in bank.candidates}
         if without.max() - without[-1] > HOPELESS_NATS:
             least = sample.behind(bank.candidates, floors, without[:, None])[-1]
-            names = {c.name for c, nats in zip(bank.candidates, least, strict=True) if nats <= HOPELESS_NATS}
-        kept.append(bank.only([i for i, c in enumerate(bank.candidates) if c.name in names]))
+            pairs = zip(bank.candidates, least, strict=True)
+            # What hits few units may hit none of the sample.
+            names = {c.name for c, nats in pairs if nats <= HOPELESS_NATS or c.pattern == "scan"}
+        kept.append(bank.named(names))
     return kept
 
 
