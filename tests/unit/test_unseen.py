@@ -55,14 +55,17 @@ def test_an_offset_that_jumps_to_and_fro_is_a_state() -> None:
     assert _found(table)[1].surprise > 5.0
 
 
-def test_a_single_wrong_visit_is_told_better_by_its_own_cause() -> None:
-    """Half of d² is what the cause itself explains."""
+@pytest.mark.parametrize("size", [1.0, 30.0])
+def test_wrong_visits_are_told_better_by_their_own_cause(size: float) -> None:
+    """The cause itself explains n/2 · ln(1 + d²/n) nats of n numbers, here of one visit alone."""
     table, _ = hide(recipe(), None, 55, floor=WHITE)
     bumped = table.reading.copy()
-    bumped[(table.unit.code == 1) & (table.run == 2) & (table.visit == 7)] += np.array([3e-3, -2e-3, 1e-3])
+    for visit in (7, 9, 10):
+        hit = (table.unit.code == 1) & (table.run == 2) & (table.visit == visit)
+        bumped[hit] += size * np.array([3e-3, -2e-3, 1e-3])
     ripple, state = _found(replace(table, reading=bumped))
-    d = np.sqrt(14e-6 * 25) / 3.5e-4
-    assert max(ripple.nats, state.nats) < d**2 / 8
+    numbers, d = 3 * 24 * 3 * 4, size * np.sqrt(14e-6 * 25) / 3.5e-4
+    assert max(ripple.nats, state.nats) < numbers / 2 * np.log1p(d**2 / numbers) / 4
 
 
 def _white(noise: Floats) -> Floats:

@@ -24,6 +24,8 @@ from station.domain.core.types import Floats
 KEPT = (0.0, 0.5)
 #: Variances of a state beside the noise over which its evidence is averaged; what each unit's direction costs, nats.
 RATIOS, DIRECTION_NATS = np.geomspace(0.02, 200.0, 20), 2.0
+#: Median length of three white numbers, and the length beyond which a visit says no more.
+MEDIAN_LENGTH, MOST_LENGTH = 1.538, 3.5
 #: Sets of noise that are drawn; visits of the longest run, and units of which a state is looked for.
 DRAWN, LEAST_VISITS, MOST_VISITS, MOST_UNITS = 256, 4, 120, 24
 
@@ -42,11 +44,20 @@ def find_state(problem: ScoringProblem, floor: NoiseFloor) -> Unseen:
     noise = space.free(rng.standard_normal((*space.live.shape, DRAWN)) * space.live[..., None])
     # The readings themselves are the last of all sets.
     sets = np.concatenate([noise, space.residual[..., None]], axis=2)
-    sets = sets / np.sqrt(np.sum(sets**2, axis=(0, 1)) / space.dof)
-    tests = [_Directions.of(sets, slot, kept) for kept in KEPT]
+    e = _calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot)
+    tests = [_Directions.of(e, slot, kept) for kept in KEPT]
     chance = len(KEPT) * min(_chance(test.statistic) for test in tests)
     nats = log_mean_exp(np.concatenate([test.likelihoods(space.dof) for test in tests]))
     return Unseen.of(float(nats) - DIRECTION_NATS * U, chance)
+
+
+def _calmed(e: Floats, slot: NDArray[np.intp]) -> Floats:
+    """White rows (U, R, V, 3, n) in the noise of most visits, where those beyond it are drawn in: a few visits that are
+    wrong by much are no state."""
+    length = np.sqrt(np.sum(e**2, axis=3, keepdims=True))
+    usual = np.median(length[slot >= 0], axis=0) / MEDIAN_LENGTH
+    e = e / usual * np.minimum(1.0, MOST_LENGTH / np.maximum(length / usual, 1e-300))
+    return np.asarray(e / np.sqrt(np.sum(e**2, axis=(0, 1, 2, 3)) / (3 * np.count_nonzero(slot >= 0))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,10 +71,9 @@ class _Directions:
     live: Floats
 
     @staticmethod
-    def of(sets: Floats, slot: NDArray[np.intp], kept: float) -> "_Directions":
-        """Of sets of white rows (U, M, n), for states of which a share is left at the next visit."""
-        U, R, V = slot.shape
-        e = sets[:, : R * V * 3].reshape(U, R, V, 3, -1)
+    def of(e: Floats, slot: NDArray[np.intp], kept: float) -> "_Directions":
+        """Of sets of white rows (U, R, V, 3, n), for states of which a share is left at the next visit."""
+        V = slot.shape[2]
         lasting = kept ** np.abs(np.subtract.outer(np.arange(V), np.arange(V))).astype(float)
         smooth = np.tensordot(lasting, e, axes=(1, 2)).transpose(1, 2, 0, 3, 4) if kept else e
         S = np.einsum("urvin,urvjn->unij", e, smooth, optimize=True)
