@@ -91,7 +91,9 @@ class CauseSearch:
         """Every cause and kernel at its best; without what has been found often enough already."""
         banks = tuple(s.bank for s in state.now.projected)
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
-        for name in (generic.RIPPLE, generic.STATE):
+        # A state follows whatever moves a unit's axes together: what is evident comes before it, and it is asked again.
+        evident = any(r.evidence >= EVIDENT_NATS for r in ranks.values())
+        for name in (generic.RIPPLE,) if evident else (generic.RIPPLE, generic.STATE):
             ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
         ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
         return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
