@@ -43,3 +43,14 @@ def test_a_size_that_is_hardly_known_promises_less_than_certainty() -> None:
     sure, weak = (promised([10.0] * 6, {}, d).certainty for d in (np.inf, 4.0))
     assert sure > 0.9999
     assert weak == pytest.approx(0.994, abs=0.001)
+
+
+@given(st.lists(st.tuples(apart, st.floats(0.01, 1.0)), min_size=1, max_size=4), st.floats(2.0, 30.0))
+def test_shapes_that_a_cause_may_have_are_parted_with_their_mean_chance(
+    shapes: list[tuple[float, float]], d: float
+) -> None:
+    tie = TiedCauses.of(NAMES, d, {})
+    total = sum(w for _, w in shapes)
+    one = tie.as_one([x for x, _ in shapes], [w / total for _, w in shapes])
+    wanted = sum(w / total * tie.chance_parted(x) for x, w in shapes)
+    assert tie.chance_parted(one) == pytest.approx(wanted, abs=1e-4)

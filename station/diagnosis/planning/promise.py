@@ -14,6 +14,8 @@ from math import erf, inf, prod, sqrt
 
 from station.diagnosis.search.distinguishability import SEPARATION_95
 
+#: Steps that find a number to a millionth of its range.
+HALVINGS = 20
 #: Two causes of a tie by id: the true one, and another.
 TrueAndOther = tuple[str, str]
 
@@ -38,6 +40,16 @@ class TiedCauses:
         """Chance that two causes planned at d·√κ are parted."""
         spread = sqrt(1 + (apart / max(self.d, 1.0)) ** 2)
         return 0.5 * (1 + erf((apart - SEPARATION_95) / spread / sqrt(2)))
+
+    def as_one(self, apart: Sequence[float], shares: Sequence[float]) -> float:
+        """The d·√κ at which two causes are parted with the mean chance of those at which they may be, by their shares:
+        a cause is known no better than its time constant is. By halving."""
+        wanted = sum(w * self.chance_parted(x) for x, w in zip(apart, shares, strict=True))
+        low, high = min(apart), max(apart)
+        for _ in range(HALVINGS if low < high else 0):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.chance_parted(middle) < wanted else (low, middle)
+        return high
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,16 +35,20 @@ from station.model.timeline import run_timeline
 SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS = 0.95, 0.05, 3
 #: How much longer a slow run dwells, and at most for how long, s.
 SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
+#: Shapes at which a cause may be true that are planned for, and the odds to the likeliest below which one is not.
+MOST_SHAPES, LEAST_ODDS = 4, 0.1
 SECOND_NEST = "once more in the next nest"
 
 
 @dataclass(frozen=True, slots=True)
 class CauseHypothesis:
-    """A cause that it may be: at its shape, its level and the rms of its coefficients."""
+    """A cause that it may be: at its shape, its level and the rms of its coefficients; its share of the chance that it
+    is the cause at all, the rest being other shapes of it."""
 
     effect: Effect
     of: str
     size: float
+    share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +68,10 @@ CandidateAxes = tuple[Candidate, SignatureAxes]
 
 @dataclass(frozen=True, slots=True)
 class Suspects:
-    """The causes of a tie, the one found first, each as it would look like the data; and how likely each is."""
+    """The causes of a tie, the one found first, each at the shapes at which it would look like the data; and how likely
+    each is."""
 
-    causes: tuple[CauseHypothesis, ...]
+    causes: tuple[tuple[CauseHypothesis, ...], ...]
     tie: TiedCauses
 
 
@@ -135,16 +140,42 @@ def _suspects(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
     # The strength found is freed of what noise adds to a size, and is that of all units.
     known = np.isfinite(tie.d) and found.length > 0
     head = replace(tie.found, size=tie.d / found.length) if known else tie.found
-    out = [head]
+    strength = head.size * found.length
+    out = [_likely_shapes(head, found, _usual(plan, head.effect.id), strength)]
     for other in tie.others:
         every = [*(usual := _usual(plan, other)), *_shaped_like(plan, usual, tie.found.effect)]
         if every:
             # Of those that look alike the one of fewest coefficients: what others could be is not what they are.
             like, axes = min(every, key=lambda pair: (round(distinct_share(found, pair[1]), 1), pair[1].m.shape[-1]))
-            size = head.size * found.length / axes.length if axes.length > 0 else 0.0
-            out.append(CauseHypothesis(like.effect or tie.found.effect, like.of, size))
-    names = tuple(s.effect.id for s in out)
+            alike = CauseHypothesis(like.effect or tie.found.effect, like.of, _size_of(strength, axes))
+            out.append(_likely_shapes(alike, found, every, strength))
+    names = tuple(shapes[0].effect.id for shapes in out)
     return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability))
+
+
+def _likely_shapes(
+    suspect: CauseHypothesis, found: SignatureAxes, every: Sequence[CandidateAxes], strength: float
+) -> tuple[CauseHypothesis, ...]:
+    """A suspect at the shapes that the data do not rule out: one that leaves a share κ of a signal of strength d is
+    less likely by d²κ/2 nats. The suspect's own comes first."""
+    mine = [(c.effect, axes) for c, axes in every if c.of == suspect.of and c.effect is not None]
+    if not suspect.effect.forms or not np.isfinite(strength):
+        return (suspect,)
+    odds = [float(np.exp(-0.5 * strength**2 * distinct_share(found, axes))) for _, axes in mine]
+    top = max(odds, default=0.0)
+    near = [
+        (w, e, axes) for w, (e, axes) in zip(odds, mine, strict=True) if w > LEAST_ODDS * top and e != suspect.effect
+    ]
+    near.sort(key=lambda shape: [float(getattr(shape[1], p.field)) for p in suspect.effect.forms])
+    near = near[:: max(-(-len(near) // MOST_SHAPES), 1)]
+    total = sum(w for w, _, _ in near) + top
+    others = [CauseHypothesis(e, suspect.of, _size_of(strength, axes), w / total) for w, e, axes in near]
+    return (replace(suspect, share=1.0 - sum(other.share for other in others)), *others)
+
+
+def _size_of(strength: float, axes: SignatureAxes) -> float:
+    """The size at which a cause is so strong."""
+    return strength / axes.length if axes.length > 0 else 0.0
 
 
 def _rated_menu(
@@ -187,14 +218,22 @@ def _separations(
     plan = campaign.gone_on(longer)
     apart: dict[TrueAndOther, float] = {}
     for suspects in lines_up:
-        usual = {s.effect.id: _usual(plan, s.effect.id) for s in suspects.causes}
-        found = {s.effect.id: _axes_of(plan, s, usual[s.effect.id]) for s in suspects.causes}
-        for one, two in permutations(suspects.causes, 2):
-            name, other = one.effect.id, two.effect.id
-            others = [*usual[other], *_shaped_like(plan, usual[other], one.effect)]
-            share = least_distinct_share(found[name], [axes for c, axes in others if not is_free_in_each_run(c)])
-            apart[name, other] = one.size * found[name].length * float(np.sqrt(share))
+        usual = {name: _usual(plan, name) for name in suspects.tie.names}
+        for shapes, (name, other) in _pairs_of(suspects):
+            shaped = [_axes_of(plan, one, usual[name]) for one in shapes]
+            each = []
+            for one, axes in zip(shapes, shaped, strict=True):
+                others = [*usual[other], *_shaped_like(plan, usual[other], one.effect)]
+                share = least_distinct_share(axes, [x for c, x in others if not is_free_in_each_run(c)])
+                each.append(one.size * axes.length * float(np.sqrt(share)))
+            apart[name, other] = suspects.tie.as_one(each, [one.share for one in shapes])
     return apart
+
+
+def _pairs_of(suspects: Suspects) -> Iterator[tuple[tuple[CauseHypothesis, ...], TrueAndOther]]:
+    """Each cause at its shapes, were it the true one, beside each other of the tie."""
+    of = dict(zip(suspects.tie.names, suspects.causes, strict=True))
+    yield from ((of[name], (name, other)) for name, other in permutations(suspects.tie.names, 2))
 
 
 def _usual(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:
