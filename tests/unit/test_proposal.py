@@ -19,7 +19,7 @@ from station.wiring.jobs import load_job
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
 from tests.blind.inspection import diagnosis_of
-from tests.blind.recipes import six_faces
+from tests.blind.recipes import recipe
 
 
 @pytest.mark.parametrize("variance", FLOOR_CAUSES)
@@ -35,8 +35,7 @@ def test_a_tie_with_a_variance_of_the_floor_is_no_pair_to_part(variance: str) ->
 
 def test_causes_that_scatter_is_tied_with_are_parted_from_one_another() -> None:
     """Scatter leads where a warm-up, a creep and a drift are weak, each as likely: a run parts them all the same."""
-    faces = six_faces("listed")
-    d = diagnosis_of(faces, hide(faces, KNOWN["warm-up"], 3, units=4, d=12.0)[0])
+    d = diagnosis_of(recipe(1), hide(recipe(1), KNOWN["warm-up"], 4, units=4, d=14.0)[0])
     found = next(c for c in d.causes if "warm-up" in (c.finding.name, *c.finding.indistinguishable_from))
     members = tuple(dict.fromkeys((found.finding.name, *found.finding.indistinguishable_from)))
     assert len(set(members) - set(FLOOR_CAUSES)) > 1
