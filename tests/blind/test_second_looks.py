@@ -11,6 +11,7 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _rest
 from station.diagnosis.search.finding import _rival_of
 from station.diagnosis.search.form_check import compare_laws
+from station.diagnosis.search.hidden_state import find_state
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view, refined
 from station.diagnosis.search.rank import causes_of, with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
@@ -165,3 +166,10 @@ def test_a_jump_that_few_visits_see_pays() -> None:
     found = diagnosis_of(kind, table)
     assert {c.finding.name for c in found.causes} == {"cross-axis", "step"}
     assert all(c.gain.accepted for c in found.causes)
+
+
+def test_at_six_faces_a_cause_is_no_state_of_each_unit() -> None:
+    """Six numbers of a unit's 18 rows are its calibration's: what is left has fewer squares than rows."""
+    faces = six_faces("listed")
+    problem = problem_of(KNOWN["bias-drift"], 60 + SEED, units=4, d=14.0, kind=faces)
+    assert find_state(problem, problem.fit().floor).nats < 20.0

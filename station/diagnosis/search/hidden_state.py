@@ -87,7 +87,9 @@ class _Directions:
     def likelihoods(self, dof: int) -> Floats:
         """Log-likelihood of each size (ratios) beside none, the noise's at its best, of rows whose mean square is 1."""
         grown = RATIOS[:, None] * self.spread
-        taken = np.einsum("sk,urk->s", grown / (1 + grown), self.along**2) / dof
+        # All rows together, of which the known takes some, have as many squares as rows.
+        rows = 3 * self.live.sum() * self.along.shape[2]
+        taken = np.einsum("sk,urk->s", grown / (1 + grown), self.along**2) / rows
         return np.asarray(
             -0.5 * dof * np.log1p(-np.minimum(taken, 1 - 1e-9)) - 0.5 * self.live.sum() * np.log1p(grown).sum(1)
         )
