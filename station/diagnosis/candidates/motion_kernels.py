@@ -106,7 +106,7 @@ def _motor_before(view: ResidualView) -> Iterator[Candidate]:
 def remembered(values: Floats, view: ResidualView, kept: float) -> Floats:
     """Values (v, f) with what a share `kept` of each visit leaves to the next of its run."""
     grid = VisitGrid(view.grid.slot, 1)
-    found, reach = grid.spread(values[:, None]), 1
+    found, reach = grid.spread(values[:, None]).copy(), 1
     # What the last visits leave, then what twice as many do.
     while reach < found.shape[2]:
         found[:, :, reach:] += kept**reach * found[:, :, :-reach]
