@@ -47,7 +47,7 @@ def tilts_gone_through_twice() -> Recipe:
     return once.model_copy(update={"positions": (*once.positions, *again)})
 
 
-@pytest.mark.parametrize("name", ["bias-drift", "clamp-creep", "warm-up"])
+@pytest.mark.parametrize("name", ["bias-drift", "clamp-creep", "offset-temperature", "warm-up"])
 def test_what_a_slow_cause_does_within_long_dwells_is_no_rest_that_depends_on_their_phase(name: str) -> None:
     slow = six_faces("listed").model_copy(update={"dwell": DwellRule(time_s=10.0)})
     table, _ = hide(slow, KNOWN[name], 40 + SEED, units=4, d=150.0)

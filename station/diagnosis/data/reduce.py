@@ -305,10 +305,12 @@ def _times_of_blocks(late: Floats, cell: NDArray[np.intp], count: Floats) -> tup
 
 def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
     """The scene at the nodes of every block, whose times are late (v, B) about the stop's mean and spread (v, B); what
-    is a clock runs on, the rest stays as at the stop's mean."""
+    is a clock runs on, the temperature at its rate, and the rest stays as at the stop's mean."""
     later = (late[..., None] + spread[..., None] * NODES).ravel()
     visit = np.repeat(scene.visit, late.shape[1] * len(NODES))
     clocks = ("time_s", "since_arrival_s", "since_power_s", "since_clamp_s")
     rows = {k: getattr(scene, k) for k in ("time_s", *COVARIATES)}
     moved: dict[str, Any] = {k: x[visit] + (later if k in clocks else 0.0) for k, x in rows.items() if x is not None}
+    if scene.temperature_degC is not None and scene.temperature_rate is not None:
+        moved["temperature_degC"] = moved["temperature_degC"] + scene.temperature_rate[visit] * later
     return replace(scene, visit=visit, **moved)

@@ -36,7 +36,7 @@ MIN_NOISE_RATIO = 0.5
 #: Nothing measures its stimulus to a smaller share; readings that do were computed.
 LEAST_NOISE_SHARE = 1e-7
 #: What goes on within a dwell as it does from one to the next: a long dwell shows it, too.
-CLOCKS = frozenset({"time", "since-power", "since-clamp"})
+COURSES = frozenset({"time", "since-power", "since-clamp", "temperature", "temperature-input"})
 #: Visits whose blocks are looked into together: with sixteen numbers a column each, a megabyte.
 VISITS_AT_ONCE = 2048
 #: An axis whose stimulus varies by less than this share of its strength (rms over a unit's stops) shows no gain.
@@ -82,7 +82,7 @@ class ResidualView:
         if any(_varies_in_dwell(acting.effect) for acting in self.active.values()):
             return self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))
         mean, contrast = forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
-        if any(acting.effect.drawn_over in CLOCKS for acting in self.active.values()):
+        if any(acting.effect.drawn_over in COURSES for acting in self.active.values()):
             contrast = self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))[1]
         return mean, contrast
 
