@@ -173,12 +173,15 @@ def _indistinguishable(
     """Causes closer than 3.3 to the accepted one, and its strength d."""
     if accepted is None:
         return [], 0.0
-    # An offset of each run's own imitates any slow cause; that parsimony forbids it, no column shows.
+    # An offset of each run's own imitates any slow cause; that parsimony forbids it, no column shows. What is in the
+    # model already has no columns left to imitate with.
+    known = {(c.name, c.of) for c in (a.candidate for a in problem.accepted) if c.pattern != "scan"}
     others = [
         (_rival_of(accepted.candidate, r.best, r.at), r.at)
         for r in causes
         if r.best is not None and r.name != accepted.candidate.name and not is_free_in_each_run(r.best)
     ]
+    others = [(c, at) for c, at in others if (c.name, c.of) not in known]
     moving = any(c.moving for c in (accepted.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)
     found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))

@@ -40,13 +40,18 @@ class _BesideOthers:
 
 
 def judged_again(
-    search: CauseSearch, state: SearchState, findings: tuple[CauseFinding, ...], exchanges: int = MAX_CHAIN
+    search: CauseSearch, state: SearchState, findings: tuple[CauseFinding, ...]
 ) -> tuple[tuple[CauseFinding, ...], SearchState]:
     """The findings, each with the probabilities and the rivals that it has beside all others: what one cause leaves
     behind blurs the first ranking of another. One that explains nothing any more, and without which nothing alarms,
     was such a blur, and goes."""
-    if len(findings) < 2:
-        return findings, state
+    return (findings, state) if len(findings) < 2 else _judged(search, state, findings, MAX_CHAIN)
+
+
+def _judged(
+    search: CauseSearch, state: SearchState, findings: tuple[CauseFinding, ...], exchanges: int
+) -> tuple[tuple[CauseFinding, ...], SearchState]:
+    """The same, of one that is left alone, too: its rivals are others now."""
     first = len(search.first.problem.accepted)
     smooth = [f for f in findings if f.accepted is not None]
     again = [_beside_others(search, state.problem, first + i, f) for i, f in enumerate(smooth)]
@@ -54,10 +59,10 @@ def judged_again(
     if least is not None and again[least].evidence < EVIDENT_NATS:
         without = search.state(refined(state.problem.without(first + least)))
         if not without.alarms:
-            return judged_again(search, without, tuple(f for f in findings if f is not smooth[least]), exchanges)
+            return _judged(search, without, tuple(f for f in findings if f is not smooth[least]), exchanges)
     if exchanges and (better := _exchanged(search, state, again)) is not None:
         i, finding, changed = better
-        return judged_again(search, changed, tuple(finding if f is smooth[i] else f for f in findings), exchanges - 1)
+        return _judged(search, changed, tuple(finding if f is smooth[i] else f for f in findings), exchanges - 1)
     judged = {id(f): new.judged for f, new in zip(smooth, again, strict=True)}
     return tuple(judged.get(id(f), f) for f in findings), state
 
