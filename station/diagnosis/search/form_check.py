@@ -142,8 +142,9 @@ def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
 
 
 def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> RivalLaws:
-    """The laws in place of the kernel that was found, which is wide and may follow what depends on something else."""
-    laws = rival_laws(problem.view)
+    """The laws in place of the kernel that was found, which is wide and may follow what depends on something else, and
+    is another in each nest."""
+    laws = rival_laws(problem.view, level="nest")
     return _rivals(_ranked(problem, [], laws, unknown.floor), unknown.evidence[unknown.name])
 
 
