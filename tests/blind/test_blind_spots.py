@@ -1,5 +1,7 @@
 """What a diagnosis that found nothing says of what it could not have found."""
 
+from typing import Any
+
 from station.config.recipes import load_recipe
 from station.diagnosis.results.blind_spots import BlindSpots
 from station.diagnosis.results.diagnosis_document import document
@@ -22,10 +24,20 @@ def test_three_faces_say_what_they_cannot_show_and_what_would_show_it() -> None:
     assert "scatter" not in shown["sentence"]
 
 
-def test_scatter_that_nothing_explains_is_not_passed_over() -> None:
-    """One per cent of the next axis is a hundred times the noise of a mean, and three faces name nothing."""
+def three_faces(seed: int) -> dict[str, Any]:
+    """One per cent of the next axis, a hundred times the noise of a mean, in three faces of one unit."""
     effects = parse_effects(("cross-axis=0.01",), THREE)
-    shown = document(diagnosis_of(THREE, simulate(SimulationJob(THREE, ("A",), 3, effects)).table))
+    return document(diagnosis_of(THREE, simulate(SimulationJob(THREE, ("A",), seed, effects)).table))
+
+
+def test_scatter_that_nothing_explains_is_not_passed_over() -> None:
+    """Three faces name nothing; its statistic lies far below the threshold, which is drawn."""
+    shown = three_faces(5)
     assert shown["verdict"] == "none"
     assert "times what the samples in them explain" in shown["sentence"]
     assert "cross-axis" in shown["sentence"]
+
+
+def test_three_positions_confirm_no_cause() -> None:
+    """As many are needed to tell the calibration: what alarms there may be looked for, and is not named."""
+    assert three_faces(1)["verdict"] == "incomplete"

@@ -127,8 +127,8 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
 
 
 def best_proposal(found: Sequence[Proposal]) -> Proposal | None:
-    """The shortest of those that are as good as any, to within a gain not worth a minute; of such the quickest to set up,
-    where a hundredth of chance is all that another is better by."""
+    """The shortest of those that are as good as any, to within a gain not worth a minute; of such the quickest to set
+    up, where a hundredth of chance is all that another is better by."""
     most = max((p.certainty for p in found), default=0.0)
     good = [p for p in found if p.certainty >= min(most, SUFFICIENT_CERTAINTY) - LEAST_GAIN / 2]
     return min(good, key=lambda p: (round(p.minutes), -round(p.certainty, 2)), default=None)

@@ -28,8 +28,9 @@ SLOW_COVARIATES = frozenset({"time_s", "temperature_degC", "temperature_rate", "
 #: would be rounding magnified. So what the rest cannot say is taken from them, on both sides of the comparison.
 HELD_WEIGHT = 1e-3
 #: So few stops, each counted by how far it moves, do not tell how much it scatters what one of them gains: of four that
-#: gain the same the sum is never more than twice its standard error.
-FEW_STOPS = 12
+#: gain the same the sum is never more than twice its standard error. Three or less confirm nothing: there are as few
+#: positions that are not needed to tell the calibration.
+FEW_STOPS, TOO_FEW_STOPS = 12, 3
 #: Pairs into which one visit's data are split by noise.
 FISSIONS = 4
 
@@ -84,9 +85,14 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     total = float(stops.sum())
     # Where few stops move, they do not tell how much it scatters what they gain; the standard deviation of their
     # log-likelihood ratio is the length of what moves in white data.
-    few = by == "sample" or float(np.sum(moved)) ** 2 < FEW_STOPS * float(np.sum(moved**2))
+    few = by == "sample" or TOO_FEW_STOPS < _moved_stops(moved) < FEW_STOPS
     std_error = float(np.sqrt(np.sum(moved)) if few else np.sqrt(len(stops)) * np.std(stops))
     return HeldOutGain(by, float(before), float(after), explained, total, std_error)
+
+
+def _moved_stops(moved: Floats) -> float:
+    """How many stops move, each counted by how far it does: (Σ s)² / Σ s² of their squares s."""
+    return float(np.sum(moved)) ** 2 / max(float(np.sum(moved**2)), 1e-300)
 
 
 def _held_out_by(problem: ScoringProblem, item: AcceptedCause) -> str:
