@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from station.diagnosis.data.reduce import BLOCK_EDGES, MOST_BLOCKS, reduce_samples, ringing_edges
@@ -75,6 +75,7 @@ def test_noise_of_any_colour_rings_as_seldom_as_stated(kept: float) -> None:
     assert found <= 2
 
 
+@example(3.0, 0.03125, 2.0)
 @given(st.floats(2, 30), st.floats(0.03, 0.5), st.floats(0.08, 60))
 def test_the_blocks_of_a_ringing_rise_to_the_end_of_the_dwell(hz: float, constant_s: float, dwell_s: float) -> None:
     edges = ringing_edges([Ringing(hz, constant_s, 0.0)], dwell_s)

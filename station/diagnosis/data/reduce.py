@@ -133,8 +133,9 @@ def ringing_edges(ringings: Sequence[Ringing], dwell_s: float) -> Floats:
     step = 1 / (WAVE_BLOCKS * max(r.frequency_hz for r in ringings) * dwell_s)
     last = min(RINGS_FOR * max(r.time_constant_s for r in ringings) / dwell_s, MOST_OF_DWELL)
     fine = step * np.arange(1, 1 + min(MOST_BLOCKS, int(last / step)))
-    coarse = BLOCK_EDGES[:-1]
-    return np.asarray(np.r_[fine, coarse[NEXT_BLOCK * fine.max(initial=0.0) < coarse], 1.0])
+    coarse, end = BLOCK_EDGES[:-1], fine.max(initial=0.0)
+    longer = (coarse > NEXT_BLOCK * end) & (coarse - end >= min(step, coarse[0]))
+    return np.asarray(np.r_[fine, coarse[longer], 1.0])
 
 
 def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edges: Floats = BLOCK_EDGES) -> ReducedPart:
