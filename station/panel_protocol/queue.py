@@ -41,6 +41,15 @@ class QueueState:
     cleared: tuple[str, ...] = ()
     binned: str = ""
 
+    @property
+    def serials(self) -> list[str]:
+        """Every serial that waits."""
+        return [*(w.serial for w in self.waiting.values()), *self.later]
+
+    def serial_of(self, nest: str) -> str:
+        """The unit that waits for that nest; '' where none does."""
+        return self.waiting[nest].serial if nest in self.waiting else ""
+
 
 class LoadQueue:
     """The units of the loads to come; safe to call from several threads. Errors: StoreFault; then nothing changed."""
@@ -52,8 +61,9 @@ class LoadQueue:
         self._state = QueueState({}, {})
 
     @property
-    def _current(self) -> QueueState:
-        """As the file says: another page on the same log may have changed it."""
+    def state(self) -> QueueState:
+        """As the file says now: another page on the same log may have changed it. Whoever shows or judges several parts
+        together takes them from one look: between two, somebody may have scanned a unit."""
         stamp = _file_stamp(self._path)
         if stamp != self._stamp:
             self._stamp, self._state = stamp, _read(self._path)
@@ -62,63 +72,55 @@ class LoadQueue:
     @property
     def waiting(self) -> dict[str, WaitingUnit]:
         """Nest → unit that waits for the start."""
-        return dict(self._current.waiting)
+        return dict(self.state.waiting)
 
     @property
     def handed(self) -> dict[str, WaitingUnit]:
         """Nest → unit with which a run was started that has not begun yet."""
-        return dict(self._current.handed)
+        return dict(self.state.handed)
 
     @property
     def later(self) -> tuple[str, ...]:
         """Serials of the loads after the next, in the order in which they take their nests."""
-        return self._current.later
-
-    def is_cleared(self, load: str) -> bool:
-        """Whether a person has dealt with the verdicts of that load."""
-        return load in self._current.cleared
-
-    def is_binned(self, load: str) -> bool:
-        """Whether the failed units of that load are in the red bin."""
-        return load == self._current.binned
+        return self.state.later
 
     def acknowledge(self, load: str, *, all_done: bool) -> None:
         """The failed units of that load are in the red bin; all_done: and nothing else of it is left to be done."""
         with self._turn:
-            now = self._current
+            now = self.state
             cleared = (*now.cleared, load)[-_MAX_CLEARED:] if all_done else now.cleared
             self._keep(replace(now, binned=load, cleared=cleared))
 
     def take_out(self, serial: str) -> None:
         """That unit waits no more."""
         with self._turn:
-            now = self._current
+            now = self.state
             waiting = {n: w for n, w in now.waiting.items() if w.serial != serial}
             self._keep(replace(now, waiting=waiting, later=tuple(s for s in now.later if s != serial)))
 
     def serials(self) -> list[str]:
         """Every serial that waits."""
-        return [*(w.serial for w in self._current.waiting.values()), *self._current.later]
+        return self.state.serials
 
     def put(self, units: Mapping[str, WaitingUnit]) -> None:
         """Adds units, each in its nest; whoever waited for that nest is the first of the load after."""
         with self._turn:
-            self._keep(_seated(self._current, units))
+            self._keep(_seated(self.state, units))
 
     def append(self, serial: str) -> None:
         """A unit of a load after the next."""
         with self._turn:
-            self._keep(replace(self._current, later=(*self._current.later, serial)))
+            self._keep(replace(self.state, later=(*self.state.later, serial)))
 
     def clear(self) -> None:
         """Nothing waits any more."""
         with self._turn:
-            self._keep(replace(self._current, waiting={}, later=()))
+            self._keep(replace(self.state, waiting={}, later=()))
 
     def hand_over(self, pid: int, nests: Sequence[str] = ()) -> None:
         """All of the next load was handed to the run `pid`; the first of the later ones take its place in the nests."""
         with self._turn:
-            now = self._current
+            now = self.state
             waiting = {nest: WaitingUnit(serial) for nest, serial in zip(nests, now.later, strict=False)}
             later = now.later[len(waiting) :]
             self._keep(replace(now, waiting=waiting, later=later, handed=now.waiting, pid=pid))
@@ -128,10 +130,10 @@ class LoadQueue:
 
         begun: pid of the run whose load was begun last; running: pid of the run under way.
         """
-        if not self._current.handed:
+        if not self.state.handed:
             return
         with self._turn:
-            now = self._current
+            now = self.state
             if begun == now.pid:
                 self._keep(replace(now, handed={}, pid=0))
             elif running != now.pid:

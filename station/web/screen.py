@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
+from threading import RLock
 from typing import Any
 
 from station.config.settings import Settings
@@ -15,7 +16,7 @@ from station.panel_protocol import timeline
 from station.panel_protocol.companion import Companion, companion_file
 from station.panel_protocol.live_state import read_live_state, recipe_label
 from station.panel_protocol.nest_readings import NestReading, read_readings
-from station.panel_protocol.queue import LoadQueue
+from station.panel_protocol.queue import LoadQueue, QueueState
 from station.service.golden_register import standings
 from station.service.shipping import ShippingState, sentence_of
 from station.web import language, load_view, plan
@@ -62,6 +63,7 @@ class Screen:
         self._stamp: tuple[int, int] | None = None
         self._live: dict[str, Any] = {}
         self._shown: dict[str, Any] = {}
+        self._turn = RLock()
         self._looked_s = 0.0
         self._outer = LineGlance(runs.order.database)
         self._glance = LogGlance(partial(open_log, runs.order.database))
@@ -74,12 +76,13 @@ class Screen:
 
     def shown(self) -> Mapping[str, Any]:
         """Key → value; a key's value is replaced as a whole."""
-        now_s = time.monotonic()
-        if now_s - self._looked_s > LIVE_MAX_AGE_S:
-            self._looked_s = now_s
-            self._refresh()
-            self._shown = self._compose()
-        return self._shown
+        with self._turn:
+            now_s = time.monotonic()
+            if now_s - self._looked_s > LIVE_MAX_AGE_S:
+                self._looked_s = now_s
+                self._refresh()
+                self._shown = self._compose()
+            return self._shown
 
     def state(self) -> dict[str, Any]:
         """The run's own state as it last told it, empty when there never was one."""
@@ -99,7 +102,7 @@ class Screen:
     def view(self) -> View:
         """The state of the screen, looked up anew."""
         self._refresh()
-        return self._view(self._runs.pid())
+        return self._view(self._runs.pid(), self._queue.state)
 
     def has_fault(self) -> bool:
         """Whether the last run ended for a reason that a person should read."""
@@ -122,16 +125,18 @@ class Screen:
         return {n["nest"]: n["serial"] for n in self.state().get("nests", ()) if n["outcome"] not in ("PASS", "FAIL")}
 
     def _refresh(self) -> None:
-        """Reads the live file again when it is another one; a file in between keeps the last."""
-        try:
-            stat = self._path.stat()
-            stamp = (stat.st_ino, stat.st_mtime_ns)
-            if stamp != self._stamp:
-                self._live, self._stamp = self._as_logged(read_live_state(self._path)), stamp
-        except FileNotFoundError:
-            self._live, self._stamp = {}, None
-        except (OSError, *NOT_AS_EXPECTED):
-            return
+        """Reads the live file again when it is another one; a file in between keeps the last. Not while another thread
+        is composing what is shown."""
+        with self._turn:
+            try:
+                stat = self._path.stat()
+                stamp = (stat.st_ino, stat.st_mtime_ns)
+                if stamp != self._stamp:
+                    self._live, self._stamp = self._as_logged(read_live_state(self._path)), stamp
+            except FileNotFoundError:
+                self._live, self._stamp = {}, None
+            except (OSError, *NOT_AS_EXPECTED):
+                return
 
     def _as_logged(self, live: dict[str, Any]) -> dict[str, Any]:
         """With verdicts only where the log does not speak against them: the file is a view, and the log the record."""
@@ -142,7 +147,7 @@ class Screen:
     def _never_begun(self) -> bool:
         return self._runs.started not in (None, self._live.get("pid"))
 
-    def _view(self, pid: int | None) -> View:
+    def _view(self, pid: int | None, queue: QueueState) -> View:
         running, state = pid is not None, self._live.get("state", {})
         mine, load = running and self._live.get("pid") == pid, self.load_id()
         facts = load_view.Facts(
@@ -150,11 +155,11 @@ class Screen:
             running=running,
             question=mine and bool(state.get("question")),
             instruction=mine and bool(state.get("instruction")),
-            waiting={nest: w.serial for nest, w in self._queue.waiting.items()},
+            waiting={nest: w.serial for nest, w in queue.waiting.items()},
             entries=() if self._never_begun() else state.get("nests", ()),
             fault=bool(self._fault(state, running=running)),
-            cleared=self._queue.is_cleared(load),
-            binned=self._queue.is_binned(load),
+            cleared=load in queue.cleared,
+            binned=load == queue.binned,
         )
         return load_view.view_of(facts)
 
@@ -165,7 +170,8 @@ class Screen:
         unkept = self._settle_queue(pid)
         mine = running and self._live.get("pid") == pid
         self.stopping = self.stopping and running
-        view, outer = self._view(pid), self._outer.shown()
+        queue = self._queue.state
+        view, outer = self._view(pid, queue), self._outer.shown()
         self._notice_load(f"{self.load_id()} {running}")
         return {
             "view": {**asdict(view), "lamp": outer.get("lamp") or view.lamp},
@@ -178,8 +184,8 @@ class Screen:
             "line": self._line(mine=mine),
             "instruction": state.get("instruction") if mine else None,
             "confirm": {k: state.get(k) or "" for k in ("confirm", "question")} if mine else {},
-            "waiting": {nest: w.serial for nest, w in self._queue.waiting.items()},
-            "queue": self._later_loads(),
+            "waiting": {nest: w.serial for nest, w in queue.waiting.items()},
+            "queue": self._later_loads(queue.later),
             "done": state.get("done", 0) if mine or not running else 0,
             "total": state.get("total", 0) if mine or not running else 0,
             "bus": self._bus(mine=mine),
@@ -192,7 +198,7 @@ class Screen:
             "golden": self._golden_problem(),
             "shipping": self._shipping_problem(),
             "watch": self._watch_alerts(),
-            **self._nests(state, ready=view.state == "ready", running=running, mine=mine),
+            **self._nests(state, queue, ready=view.state == "ready", running=running, mine=mine),
         }
 
     def _notice_load(self, load: str) -> None:
@@ -232,9 +238,9 @@ class Screen:
             return exc.sentence
         return ""
 
-    def _later_loads(self) -> list[list[str]]:
+    def _later_loads(self, later: Sequence[str]) -> list[list[str]]:
         """The serials behind the next load, load by load."""
-        later, each = self._queue.later, max(1, len(self._settings.nests))
+        each = max(1, len(self._settings.nests))
         return [list(later[i : i + each]) for i in range(0, len(later), each)]
 
     def _readings(self) -> Mapping[str, NestReading]:
@@ -243,11 +249,13 @@ class Screen:
             self._heard = (time.monotonic(), read_readings(self._runs.order.database, time.time()))
         return self._heard[1]
 
-    def _nests(self, state: Mapping[str, Any], *, ready: bool, running: bool, mine: bool) -> dict[str, Any]:
+    def _nests(
+        self, state: Mapping[str, Any], queue: QueueState, *, ready: bool, running: bool, mine: bool
+    ) -> dict[str, Any]:
         """Each nest under `nest NAME`, and its reading, which changes far more often, under `live NAME`."""
         shown: dict[str, Any] = {}
         for nest in self._settings.nests:
-            there = self._nest(nest.name, state, running=running, mine=mine)
+            there = self._nest(nest.name, state, queue, running=running, mine=mine)
             vector = there.pop("vector", None) or ()
             there.pop("noise", None)
             live = vector if running and not there.get("outcome") else ()
@@ -257,20 +265,22 @@ class Screen:
             shown |= {f"nest {nest.name}": there, f"live {nest.name}": [round(float(v), _DECIMALS) for v in live]}
         return shown
 
-    def _nest(self, name: str, state: Mapping[str, Any], *, running: bool, mine: bool) -> dict[str, Any]:
+    def _nest(
+        self, name: str, state: Mapping[str, Any], queue: QueueState, *, running: bool, mine: bool
+    ) -> dict[str, Any]:
         """What is in a nest, and what comes next. Verdicts stay until somebody has dealt with the load; what was
         scanned meanwhile waits as `next`, because the other unit is still in the nest."""
-        waits, handed = self._queue.waiting.get(name), self._queue.handed.get(name)
+        waits, handed = queue.serial_of(name), queue.handed.get(name)
         entry = next((n for n in state.get("nests", ()) if n["nest"] == name), None)
-        if self._never_begun() or (not running and self._queue.is_cleared(self.load_id())):
+        if self._never_begun() or (not running and self.load_id() in queue.cleared):
             entry = None
         if running and not mine:
             there = {"serial": handed.serial if handed else "", "scanned": handed is not None}
         elif not running and entry is None:
-            return self._with_past({"serial": waits.serial if waits else "", "scanned": waits is not None, "next": ""})
+            return self._with_past({"serial": waits, "scanned": bool(waits), "next": ""})
         else:
             there = {**(entry or {"serial": ""}), "scanned": False}
-        return self._with_past({**there, "next": waits.serial if waits else ""})
+        return self._with_past({**there, "next": waits})
 
     def _with_past(self, there: dict[str, Any]) -> dict[str, Any]:
         """With the attempts of this unit before the present one."""

@@ -39,7 +39,7 @@ class Browser:
         wanted = {"browserName": "chrome", "goog:chromeOptions": {"binary": binary, "args": options}}
         made = self._call("POST", f"{driver}/session", {"capabilities": {"alwaysMatch": wanted}})
         self._url = f"{driver}/session/{made['sessionId']}"
-        self._call("POST", f"{self._url}/timeouts", {"script": 200_000})
+        self._call("POST", f"{self._url}/timeouts", {"script": 200_000, "implicit": 5_000})
 
     def close(self) -> None:
         """Ends the session."""

@@ -95,13 +95,12 @@ def test_what_cannot_be_kept_is_not_taken(tmp_path: Path) -> None:
 def test_what_a_person_has_dealt_with_survives_a_restart_and_a_start(path: Path) -> None:
     queue = LoadQueue(path)
     queue.acknowledge("41-7", all_done=False)
-    assert (queue.is_binned("41-7"), queue.is_cleared("41-7")) == (True, False)
+    assert (queue.state.binned, queue.state.cleared) == ("41-7", ())
     queue.acknowledge("41-7", all_done=True)
     queue.put({"A": WaitingUnit("SN1"), "B": WaitingUnit("SN2")})
     queue.take_out("SN1")
     queue.hand_over(42)
     queue.settle(begun=42, running=42)
     again = LoadQueue(path)
-    assert again.is_cleared("41-7")
-    assert not again.is_cleared("42-9")
+    assert again.state.cleared == ("41-7",)
     assert again.handed == {}
