@@ -2,15 +2,17 @@
 
 import os
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _rest
+from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _leaves_noise, _rest
 from station.diagnosis.search.finding import _rival_of
-from station.diagnosis.search.form_check import compare_laws
+from station.diagnosis.search.form_check import compare_laws, in_place_of
 from station.diagnosis.search.hidden_state import find_state
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view, refined
 from station.diagnosis.search.rank import causes_of, with_free_variance
@@ -105,6 +107,20 @@ def test_a_cause_that_came_out_too_small_beside_a_walk_is_compared_at_its_size()
     small = refined(known.with_accepted([replace(item, std=0.1 * item.std) for item in known.accepted]))
     assert _rest(small) - _rest(known) > BEYOND_NOISE**2
     assert _rest(_in_noise_of(_alike(small), known)) - _rest(_in_noise_of(_alike(known), known)) < 1.0
+
+
+def test_a_cause_stays_where_one_that_it_cannot_be_told_from_leaves_noise() -> None:
+    """Sizes are nearly squares. In place of what was accepted each of the set is known physics, as no formula is."""
+    search = CauseSearch(problem_of(KNOWN["quadratic"], 70 + SEED, units=2, d=40.0), null_of)
+    last = search.accepted(search.first, (ranks := search.ranks(search.first, [])), ranks["asymmetry"])[1].problem
+    for alike, known in (((), False), (("hysteresis",), False), (("hysteresis", "quadratic"), True)):
+        finding = SimpleNamespace(name="asymmetry", indistinguishable_from=alike)
+        found: Any = SimpleNamespace(findings=[finding])
+        assert _leaves_noise(found, last, last.accepted[0]) == known
+    other = in_place_of(last, 0, "quadratic")
+    assert other is not None
+    assert [(a.candidate.name, a.candidate.of) for a in other.accepted] == [("quadratic", "unit")]
+    assert in_place_of(last, 0, "disturbed-visit") is None
 
 
 def test_a_rival_is_asked_to_follow_a_cause_in_the_groups_that_the_cause_acts_in() -> None:

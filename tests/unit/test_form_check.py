@@ -1,20 +1,25 @@
 """How certain a name is beside laws that nobody wrote."""
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
 from station.diagnosis.candidates.kernels import INPUT_WAVES
+from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search import law_chance, null_simulation
 from station.diagnosis.search.finding import CauseFinding, depends_on
-from station.diagnosis.search.form_check import RivalLaws, compare_laws
+from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, compare_laws
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
-from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.model.model_file import Model
 from tests.blind.bench import hide
+from tests.blind.hidden import KNOWN
 from tests.blind.outside import OUTSIDE
 from tests.blind.recipes import recipe
 
@@ -62,6 +67,66 @@ def test_a_name_less_likely_than_not_says_on_what_the_rest_depends(
     finding = CauseFinding("cubic", None, floor, {"cubic": 20.0}, chances, ("quadratic",), 12.0, 9.0)
     laws = RivalLaws(lead, ("input",))
     assert laws.judged(finding).doubts == doubts
+
+
+@pytest.mark.parametrize("lead", [0.5, 1.6, 3.0, 4.4])
+def test_a_lead_that_chance_often_brings_says_little(lead: float) -> None:
+    """Never more than without its chance, the less the more often it comes, and never that a name is certain."""
+    says = [RivalLaws(lead, ("input",), chance).nats for chance in (0.0, 1e-6, 0.002, 0.02, 0.1, 0.5, 1.0)]
+    assert says[:2] == [lead, lead]
+    assert says == sorted(says, reverse=True)
+    assert says[-1] == pytest.approx(0.0, abs=1e-12)
+    # One law that noise can just confuse with the cause is so far ahead with that chance: it keeps its lead.
+    assert RivalLaws(lead, ("input",), NormalDist().cdf(-math.sqrt(2 * lead))).nats == pytest.approx(lead)
+
+
+def test_a_cause_is_doubted_where_chance_does_not_bring_the_lead() -> None:
+    floor = NoiseFloor(1e-4, 0.0, 0.0)
+    finding = CauseFinding("cubic", None, floor, {"cubic": 20.0}, {"cubic": 1.0}, (), 12.0, 9.0)
+    assert RivalLaws(3.0, ("input",), 0.005).judged(finding).doubts == ("input",)
+    often = RivalLaws(3.0, ("input",), 0.1).judged(finding)
+    assert not often.doubts
+    assert often.probability["cubic"] < CERTAIN
+
+
+@pytest.fixture(scope="module")
+def cubic() -> tuple[ScoringProblem, ScoringProblem]:
+    """A problem with a cubic that is there known, and without it."""
+    table, _ = hide(recipe(1), KNOWN["cubic"], 7, units=2, d=11.0)
+    bare = initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+    (effect,) = (e for e in cause_library(recipe(1)) if e.id == "cubic")
+    shapes = [c for c in candidates(effect, bare.view) if c.of == "unit"]
+    now = score_bank(bare, [build_bank(shapes, bare.view.layout, moving=False)], bare.fit().floor)
+    known = refined(bare.with_accepted([now.accept(shapes[0], bare.view)]))
+    return known, known.without(0)
+
+
+def test_sets_of_a_cause_and_chance_show_the_cause_as_the_readings_do(
+    cubic: tuple[ScoringProblem, ScoringProblem],
+) -> None:
+    known, bare = cubic
+    own = [known.accepted[0].candidate]
+    like = WalkMarginal(
+        score_bank(bare, [build_bank(own, bare.view.layout, moving=m) for m in (False, True)], known.fit().floor),
+        (),
+        (),
+    )
+    seen = like.evidence()["cubic"]
+    signal = law_chance._signal(known, bare)
+    for added, moves in ((signal, True), (None, False)):
+        drawn = np.concatenate([s["cubic"] for s in null_simulation.scores(bare, known.fit(), like, 1, 256, added)])
+        assert bool(np.mean(np.abs(drawn - seen) < 3 * np.std(drawn)) > 0.9) is moves
+
+
+def test_the_further_a_law_is_ahead_the_rarer_by_chance(cubic: tuple[ScoringProblem, ScoringProblem]) -> None:
+    known, bare = cubic
+    floor, laws = known.fit().floor, list(rival_laws(bare.view, known.accepted[0].in_view(bare.view)))[::20]
+    forms = [known.accepted[0].candidate]
+    chances = [law_chance.chance_of_lead(known, bare, forms, laws, floor, lead) for lead in (-300.0, 1.5, LAW_NATS)]
+    assert chances == sorted(chances, reverse=True)
+    assert chances[0] == 1.0
+    # The cause is there: what is called ahead of it hardly ever is.
+    assert chances[2] < 0.02
 
 
 def test_a_name_that_a_kernel_outdoes_says_on_what_the_kernel_depends() -> None:

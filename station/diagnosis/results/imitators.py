@@ -8,7 +8,8 @@ more in fewer terms. One that says the same as a term of the formula stays in it
 known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal, and
 one formula writes it in one term.
 
-A single cause goes, too, where it leaves what is no noise and one term leaves none: a wave is followed by a step.
+A single cause goes, too, where it leaves what is no noise and one term leaves none: a wave is followed by a step. It
+stays where another that these data cannot tell from it leaves none in its place: that is known physics.
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from station.diagnosis.discovery.rest import is_noise, visit_noise
 from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_chains import CHOICE_NATS
 from station.diagnosis.search.cause_search import SearchResult
+from station.diagnosis.search.form_check import in_place_of
 from station.diagnosis.search.problem import problem_in_view, refined
 from station.diagnosis.search.scoring import ScoringProblem
 
@@ -63,7 +65,8 @@ def simplest_explanation(
     that gain on held-out data; whole: whether these leave nothing; doubtful: whether laws of no cause are likelier than
     one of them."""
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, samples))
-    if not paying or (whole and not doubtful and len(paying) < LEAST_CAUSES and is_noise(last, ())):
+    alone_and_likely = whole and not doubtful and len(paying) < LEAST_CAUSES
+    if not paying or (alone_and_likely and _leaves_noise(searched, last, paying[0])):
         return with_causes
     quiet = whole or _is_quiet(with_causes)
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
@@ -81,6 +84,16 @@ def simplest_explanation(
         if _is_quiet(mixed) or not alone.quiet:
             return mixed
     return Explanation((), alone)
+
+
+def _leaves_noise(searched: SearchResult, last: ScoringProblem, cause: AcceptedCause) -> bool:
+    """Whether nothing but noise is left beside a cause, or beside any in its place that it cannot be told from."""
+    if is_noise(last, ()):
+        return True
+    (i,) = (i for i, item in enumerate(last.accepted) if item is cause)
+    alike = [name for f in searched.findings if f.name == cause.candidate.name for name in f.indistinguishable_from]
+    others = (in_place_of(last, i, name) for name in alike)
+    return any(is_noise(other, ()) for other in others if other is not None)
 
 
 def _is_quiet(explanation: Explanation) -> bool:

@@ -137,7 +137,7 @@ def _posterior(evidence: Mapping[str, float]) -> dict[str, float]:
     return dict(zip(evidence, (float(s) for s in shares), strict=True))
 
 
-def _credible(probability: Mapping[str, float], level: float = 0.95) -> list[str]:
+def _credible(probability: Mapping[str, float], level: float = 0.99) -> list[str]:
     """The likeliest causes that together hold `level` of the probability."""
     chosen: list[str] = []
     for name in sorted(probability, key=lambda n: -probability[n]):

@@ -4,6 +4,9 @@ What is left of a law once its imitation is fitted is often too weak to alarm by
 compared, in the data without it, with laws of one coefficient an axis that no cause of the library follows: the same
 evidence, each under the floor that fits best with it. Where one of them is clearly ahead the cause is not named for
 certain: its form does not explain all.
+
+The best of hundreds of laws is ahead by chance, too, the more often the more of them nearly follow the cause. How often
+the cause and noise alone bring it as far is told by sets of such readings, drawn anew.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,6 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
+import scipy
 
 from station.diagnosis.candidates.bank import (
     Bank,
@@ -26,6 +30,8 @@ from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_la
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.law_chance import chance_of_lead
+from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import OCCAM_NATS, RankedCause, rank_causes, with_bounded_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
@@ -54,19 +60,29 @@ COURSES_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 20, 16
 
 @dataclass(frozen=True, slots=True)
 class RivalLaws:
-    """How many nats the best law is ahead of what was found, in its place, and the covariates of those near it."""
+    """How many nats the best law is ahead of what was found, in its place, and the covariates of those near it; chance:
+    how often it is as far ahead of a cause that is true, 0 where that is not known."""
 
     lead: float
     words: tuple[str, ...]
+    chance: float = 0.0
 
     @property
     def is_ahead(self) -> bool:
         """Whether what was found has not the form of the data."""
         return self.lead > LAW_NATS
 
+    @property
+    def nats(self) -> float:
+        """What the lead says for a law: no more than that of one law alone which is as rare (see LAW_NATS)."""
+        if self.lead <= 0 or self.chance <= 0:
+            return self.lead
+        z = max(float(-scipy.special.ndtri(self.chance)), 0.0)
+        return min(self.lead, 0.5 * z**2)
+
     def judged(self, finding: CauseFinding) -> CauseFinding:
         """The finding with its probability against these laws, too, and what speaks against an unlikely one."""
-        judged = finding.beside(self.lead - PRIOR_NATS)
+        judged = finding.beside(self.nats - PRIOR_NATS)
         doubts = self.words if self.lead > 0 else finding.covariates
         return replace(judged, doubts=doubts) if judged.is_unlikely else judged
 
@@ -76,9 +92,12 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaw
     bare = problem.without(i)
     forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(_forms(problem.accepted[i].candidate, bare.view))]
     laws = rival_laws(bare.view, problem.accepted[i].in_view(bare.view))
-    ranks = _ranked(bare, forms, laws, floor)
+    promising = _promising(bare, forms, laws, floor)
+    ranks = _ranked(bare, forms, promising, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
     found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
+    if 0 < found.lead <= LAW_NATS:
+        found = replace(found, chance=chance_of_lead(problem, bare, forms, promising, floor, found.lead))
     coming = _coming_on(problem.accepted[i].candidate, bare, floor)
     found = max((found, *_fading(problem, i, floor), *coming), key=lambda laws: laws.lead)
     in_order = _follows_order(problem.accepted[i].candidate, bare.view)
@@ -88,7 +107,7 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaw
 def _coming_on(cause: Candidate, bare: ScoringProblem, floor: NoiseFloor) -> Iterator[RivalLaws]:
     """What comes on within the dwells in place of a cause that stands still in them, both as the blocks show them."""
     found = laws_within_dwells(candidate_in_view(cause, bare.view), bare.view)
-    ranks = _ranked(bare, found[:1], found[1:], floor) if found else {}
+    ranks = _best_of(bare, found[:1], found[1:], floor) if found else {}
     if found and found[0].name in ranks:
         yield _rivals(ranks, ranks.pop(found[0].name).evidence + float(np.log(len(found) - 1)))
 
@@ -109,7 +128,7 @@ def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[Riva
         for j in sorted((i, *(j for j, some in near.items() if some)), reverse=True):
             bare = bare.without(j, groups if j == i else None)
         stop = np.concatenate([alone.stop, *(laws[0].stop for laws in every)], axis=2)
-        ranks = _ranked(bare, [replace(alone, columns=StopColumns.of(stop))], courses, floor)
+        ranks = _best_of(bare, [replace(alone, columns=StopColumns.of(stop))], courses, floor)
         if alone.name in ranks:
             own = ranks.pop(alone.name).evidence
             yield _rivals(ranks, own + float(np.log(len(courses))))
@@ -137,15 +156,34 @@ def _forms(accepted: Candidate, view: ResidualView) -> list[Candidate]:
     found = [candidate_in_view(accepted, view)]
     if accepted.effect is None or accepted.moving or accepted.pattern == "scan":
         return found
-    effects = [e for e in cause_library(view.scene.recipe) if e.id == accepted.name and is_testable(e, view)]
-    return found + [c for e in effects for c in candidates(e, view) if c.pattern != "scan"]
+    return found + _shapes(accepted.name, view)
+
+
+def _shapes(name: str, view: ResidualView) -> list[Candidate]:
+    """A cause of the library at every shape and level, those apart that hit nobody knows which groups."""
+    effects = [e for e in cause_library(view.scene.recipe) if e.id == name and is_testable(e, view)]
+    return [c for e in effects for c in candidates(e, view) if c.pattern != "scan"]
+
+
+def in_place_of(problem: ScoringProblem, i: int, name: str) -> ScoringProblem | None:
+    """The problem with another cause, at its best, in place of accepted cause i; None where these data show none of
+    its shapes."""
+    bare, floor = problem.without(i), problem.fit().floor
+    if not (shapes := _shapes(name, bare.view)):
+        return None
+    now = _under(bare, shapes, floor)[1].best
+    best = now.candidates[int(now.readings().evidence[0].argmax())]
+    if not now.shows(best):
+        return None
+    items = [*bare.accepted[:i], now.accept(best, bare.view), *bare.accepted[i:]]
+    return refined(bare.with_accepted(items), rounds=2)
 
 
 def compare_laws_with_kernel(problem: ScoringProblem, unknown: CauseFinding) -> RivalLaws:
     """The laws in place of the kernel that was found, which is wide and may follow what depends on something else, and
     is another in each nest."""
     laws = rival_laws(problem.view, level="nest")
-    return _rivals(_ranked(problem, [], laws, unknown.floor), unknown.evidence[unknown.name])
+    return _rivals(_best_of(problem, [], laws, unknown.floor), unknown.evidence[unknown.name])
 
 
 def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats) -> RivalLaws:
@@ -154,7 +192,7 @@ def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats)
     bounded = with_bounded_variance(problem, name, upper)
     scatter, law = problem.fit(), bounded.fit()
     gain = scatter.space.profile - law.space.profile - OCCAM_NATS
-    found = _rivals(_ranked(bounded, [], rival_laws(problem.view, level="run"), law.floor), gain + CHOICE_NATS)
+    found = _rivals(_best_of(bounded, [], rival_laws(problem.view, level="run"), law.floor), gain + CHOICE_NATS)
     if name != BiasWalk.id:
         return found
     if _moved_freely(problem.view):
@@ -178,11 +216,17 @@ def _rivals(laws: Mapping[str, RankedCause], evidence: float) -> RivalLaws:
     return RivalLaws(top - evidence, words)
 
 
-def _ranked(
+def _best_of(
     problem: ScoringProblem, causes: list[Candidate], laws: Iterable[Candidate], floor: NoiseFloor
 ) -> dict[str, RankedCause]:
     """The causes, and the laws that are near the best, each under the best of the floors that the leaders ask for."""
-    promising = _promising(problem, causes, laws, floor)
+    return _ranked(problem, causes, _promising(problem, causes, laws, floor), floor)
+
+
+def _ranked(
+    problem: ScoringProblem, causes: list[Candidate], promising: list[Candidate], floor: NoiseFloor
+) -> dict[str, RankedCause]:
+    """The same of laws that are near the best."""
     if not promising:
         return {}
     names = {law.name for law in promising}

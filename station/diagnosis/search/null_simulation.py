@@ -3,10 +3,13 @@
 A fleet beyond MAX_DRAWN_UNITS units is drawn as several copies of some of its units: what a set says is a sum over
 units, and the sums of the copies are dealt in other orders, so that every set gets other chances from each copy. The
 mean of a sum of c copies is then known to √(c / NULL_SETS) of its spread.
+
+What a cause does may be added to every set: the same, then, of readings by that cause and chance alone.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import NamedTuple
 
@@ -16,6 +19,7 @@ from station.diagnosis.candidates.projected_bank import ProjectedBank
 from station.diagnosis.candidates.visit_scan import VisitColumns, passed_back
 from station.diagnosis.linear.evidence import DataSets
 from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.projection import DataColumns
 from station.diagnosis.linear.run_filter import RunFilter
 from station.diagnosis.search.scoring import Scores, ScoringProblem
 from station.diagnosis.search.walk_marginal import WalkMarginal, replicate_units
@@ -29,9 +33,15 @@ MAX_DRAWN_UNITS = 32
 
 
 def scores(
-    problem: ScoringProblem, fitted: FittedFloor, like: WalkMarginal, seed: int, sets: int = NULL_SETS
+    problem: ScoringProblem,
+    fitted: FittedFloor,
+    like: WalkMarginal,
+    seed: int,
+    sets: int = NULL_SETS,
+    signal: DataColumns | None = None,
 ) -> Iterator[dict[str, Floats]]:
-    """Log evidence (n) of each cause in null data sets, some sets after others."""
+    """Log evidence (n) of each cause in null data sets, some sets after others; signal: one column that is added to
+    every set."""
     rng = np.random.default_rng(seed)
     units = problem.view.grid.units
     copies = -(-units // MAX_DRAWN_UNITS)
@@ -40,6 +50,10 @@ def scores(
     banks = [[SinglePrecisionBank(s) for s in stage.projected] for stage in now.stages]
     floors, at_once = (NULL_FLOORS, FLOORS_AT_ONCE) if copies == 1 else (COPIED_FLOORS, 1)
     noise = _noise(problem, fitted, now, rng, floors, sets // floors)
+    if signal is not None:
+        dwell = any(s.space is not None and s.space.dwell for stage in now.stages for s in stage.projected)
+        seen = (signal if dwell else DataColumns(signal.stop)).of_units(chosen)
+        noise = map(partial(NullNoise.beside, signal=seen), noise)
     while drawn := list(islice(noise, at_once)):
         orders = copy_orders(len(drawn[0].noise), copies, rng) if copies > 1 else None
         scored = [[light.scores(drawn, orders) for light in stage] for stage in banks]
@@ -84,6 +98,14 @@ class NullNoise(NamedTuple):
         (U, R), m = true.member.shape, true.rows
         white = noise[:, :, : R * m].reshape(len(noise), U, R, m).transpose(1, 2, 3, 0)
         return NullNoise(noise, true.coloured(np.ascontiguousarray(white)))
+
+    def beside(self, signal: DataColumns) -> "NullNoise":
+        """The same with a column added to every set."""
+        noise = self.noise
+        if signal.dwell is not None:
+            start, noise = self.visits[0, ..., 0].size, noise.copy()
+            noise[:, :, start : start + signal.dwell.shape[1]] += signal.dwell[..., 0]
+        return NullNoise(noise, self.visits + signal.stop.astype(np.float32))
 
 
 class SinglePrecisionBank:
