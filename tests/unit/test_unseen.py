@@ -1,5 +1,5 @@
 """What no column of the bank shows: a ripple faster than the visits at any frequency and phase, and a state of a unit
-that changes at any visit, are found; noise of no colour is one."""
+or a nest that changes at any visit, are found; noise of no colour is one."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import scipy
 
+from station.diagnosis.candidates.kernels import NEST_STATE, STATE
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search.hidden_state import find_state
+from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.ripple import MOST_VISITS, find_ripple
 from station.diagnosis.search.unseen import NOTHING, Unseen
@@ -20,10 +21,12 @@ from tests.blind.bench import WHITE, Scaled, World, hide
 from tests.blind.recipes import recipe
 
 
-def _found(table: SampleTable) -> tuple[Unseen, Unseen]:
+def _found(table: SampleTable) -> tuple[Unseen, Unseen, Unseen]:
+    """The ripple, the state of units, that of nests."""
     problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
     floor = problem.fit().floor
-    return find_ripple(problem, floor), find_state(problem, floor)
+    states = find_states(problem, floor)
+    return find_ripple(problem, floor), states[STATE], states[NEST_STATE]
 
 
 def _ripple(period_s: float, *, each_run: bool) -> Callable[[World, Scaled], tuple[Any, Any]]:
@@ -55,6 +58,19 @@ def test_an_offset_that_jumps_to_and_fro_is_a_state() -> None:
     assert _found(table)[1].surprise > 5.0
 
 
+def _rattles(w: World, rng: Scaled) -> tuple[Any, Any]:
+    """Each nest is turned about an axis of its own at some visits."""
+    state = np.random.default_rng(9).uniform(size=w.stop.max() + 1) < 0.3
+    return w.feel(nest=state[w.stop, None] * rng.amplitude(1e-3, (2, 3))[w.nest]), np.zeros_like(w.a)
+
+
+def test_a_nest_that_rattles_is_a_state_of_nests() -> None:
+    table, _ = hide(recipe(), _rattles, 56, d=20.0, floor=WHITE)  # type: ignore[arg-type]
+    unit, nest = _found(table)[1:]
+    assert nest.surprise > 5.0
+    assert nest.nats > unit.nats
+
+
 @pytest.mark.parametrize("size", [1.0, 30.0])
 def test_wrong_visits_are_told_better_by_their_own_cause(size: float) -> None:
     """The cause itself explains n/2 · ln(1 + d²/n) nats of n numbers, here of one visit alone."""
@@ -63,9 +79,9 @@ def test_wrong_visits_are_told_better_by_their_own_cause(size: float) -> None:
     for visit in (7, 9, 10):
         hit = (table.unit.code == 1) & (table.run == 2) & (table.visit == visit)
         bumped[hit] += size * np.array([3e-3, -2e-3, 1e-3])
-    ripple, state = _found(replace(table, reading=bumped))
+    found = _found(replace(table, reading=bumped))
     numbers, d = 3 * 24 * 3 * 4, size * np.sqrt(14e-6 * 25) / 3.5e-4
-    assert max(ripple.nats, state.nats) < numbers / 2 * np.log1p(d**2 / numbers) / 4
+    assert max(f.nats for f in found) < numbers / 2 * np.log1p(d**2 / numbers) / 4
 
 
 def _white(noise: Floats) -> Floats:
@@ -95,4 +111,5 @@ def test_runs_too_long_to_be_white_are_left_out() -> None:
     problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
     slot = np.arange(MOST_VISITS + 1)[None, None]
     long = replace(problem, view=replace(problem.view, grid=replace(problem.view.grid, slot=slot)))
-    assert find_ripple(long, problem.fit().floor) == find_state(long, problem.fit().floor) == NOTHING
+    floor = problem.fit().floor
+    assert {find_ripple(long, floor), *find_states(long, floor).values()} == {NOTHING}

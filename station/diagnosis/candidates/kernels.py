@@ -5,12 +5,11 @@ described yet; its name says on what it depends: one covariate, or two of which 
 These are the only columns that are not made by the simulation.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.columns import StopColumns
@@ -49,8 +48,9 @@ _ACTS_BY = {
 #: Covariates of which products are tried two by two.
 FACTORS = ("time", "temperature", "motor", "order", "input", "position")
 #: Kernels without columns: ripples faster than the visits, every frequency at once (`search/ripple.py`), and states of
-#: the units that change at any visit (`search/hidden_state.py`).
-RIPPLE, STATE = "time*dwell-phase/ripple", "time/state"
+#: units and of nests that change at any visit (`search/hidden_state.py`).
+RIPPLE, STATE, NEST_STATE = "time*dwell-phase/ripple", "time/state", "time*input/state"
+STATES = (STATE, NEST_STATE)
 #: All kernels.
 KERNEL_NAMES = (
     *COVARIATES,
@@ -60,14 +60,18 @@ KERNEL_NAMES = (
     "temperature/place",
     "dwell-phase/fading",
     RIPPLE,
-    STATE,
+    *STATES,
 )
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
+#: Shares of a run after which a third is left of what fades in it.
+FADE_SHARES = (0.12, 0.4)
 #: Half waves of the kernel over a whole campaign.
 CAMPAIGN_WAVES = np.arange(1, 7)
 #: Whole waves of what an axis feels from one end to the other, in steps that none falls between.
 INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
+#: An axis is at its end from this share of the stimulus on.
+END_SHARE = 0.8
 #: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
 #: wave.
 SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
@@ -138,6 +142,9 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
         columns = StopColumns.of(each_axis(np.concatenate(swing, axis=1)))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time", of, view, columns)
+    # What fades in each run from another size: a hand's heat, a part that came in cold.
+    for fade in FADE_SHARES if np.ptp(t) > 0 else ():
+        yield from kernels_at(view, "time", each_axis(np.exp(-share / fade)[:, None]), "run")
     yield from _campaign(view)
 
 
@@ -179,7 +186,7 @@ def _ripple(view: ResidualView) -> Iterator[Candidate]:
 
 def _order(view: ResidualView) -> Iterator[Candidate]:
     """Every second or third stop, the step from the one before on any axis and its sign, the length of the move, what
-    each axis felt before that, and the position before."""
+    each axis felt before that, and the position before, or the one before that."""
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = resting_stimulus(view.scene, view.active)
@@ -199,7 +206,9 @@ def _order(view: ResidualView) -> Iterator[Candidate]:
         yield from (kernel("order*input", of, view, columns) for columns in (turned, pulled, torque))
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
-    yield grouped_kernel("order", "previous", before.astype(np.int32), names, _ones(view))
+    earlier_still = np.where(visits.previous >= 0, before[visits.previous], len(visits.position.names))
+    for code in (before, earlier_still):
+        yield grouped_kernel("order", "previous", code.astype(np.int32), names, _ones(view))
 
 
 def _position(view: ResidualView) -> Iterator[Candidate]:
@@ -221,25 +230,24 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
-    """Every product of two or three components of the true vector on every axis, that of the two others alone, or some
-    waves of its own."""
+    """Products of two, three or four components of the true vector on every axis, some waves of its own, and what is
+    there at one end of an axis alone."""
     a = resting_stimulus(view.scene, view.active)
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    powers = [c for degree in (2, 3) for c in combinations_with_replacement(range(3), degree)]
-    products = each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in powers], axis=1))
+    pairs = combinations_with_replacement(range(3), 2)
+    squares = each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in pairs], axis=1))
+    triple = each_axis(np.prod(a, axis=1)[:, None])
     waves = [np.concatenate([own_axis(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2) for m in INPUT_WAVES]
-    squares, triple = products[:, :, _of_degree(powers, 2)], each_axis(np.prod(a, axis=1)[:, None])
-    others = [np.roll(a, places, axis=1) ** 2 for places in (1, 2)]
-    # A gain by the size of the others, and products of two squares.
-    gains = np.concatenate([own_axis(a * x) for x in others], axis=2)
-    quartic = np.concatenate([own_axis(x) for x in (a**2 * others[0], a**2 * others[1], others[0] * others[1])], axis=2)
-    for columns in (products, squares, triple, _products_of_axes(a)[0], gains, quartic, *waves):
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
+    # A gain by the size of the others, what an axis takes of the others by its own size or by theirs, products of two
+    # squares.
+    gains, taken = (a * one**2, a * two**2), (one * a**2, two * a**2)
+    others = one**3, two**3, one * two**2, one**2 * two
+    quartic = a**2 * one**2, a**2 * two**2, one**2 * two**2
+    forms = [np.concatenate([own_axis(x) for x in some], axis=2) for some in (gains, taken, others, quartic)]
+    ends = [each_axis(1.0 * (end * a[:, [i]] > END_SHARE)) for i in range(3) for end in (-1, 1)]
+    for columns in (squares, triple, _products_of_axes(a)[0], *forms, *waves, *ends):
         yield from kernels_at(view, "input", columns, "unit", "common")
-
-
-def _of_degree(powers: Sequence[tuple[int, ...]], degree: int) -> NDArray[np.intp]:
-    """Which of the columns of each axis are products of so many components."""
-    return np.flatnonzero([len(p) == degree for p in powers for _ in range(3)])
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:

@@ -13,7 +13,7 @@ from station.diagnosis.search.alarm import NullDistribution, statistic
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.finding import CauseFinding, cause_finding
-from station.diagnosis.search.hidden_state import find_state
+from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
@@ -93,7 +93,7 @@ class CauseSearch:
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
         # A state follows whatever moves a unit's axes together: what is evident comes before it, and it is asked again.
         evident = any(r.evidence >= EVIDENT_NATS for r in ranks.values())
-        for name in (generic.RIPPLE,) if evident else (generic.RIPPLE, generic.STATE):
+        for name in (generic.RIPPLE,) if evident else (generic.RIPPLE, *generic.STATES):
             ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
         ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
         return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
@@ -108,7 +108,7 @@ class CauseSearch:
 
 def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
     """What no column of the bank shows, under its name as a kernel."""
-    return {generic.RIPPLE: find_ripple(problem, floor), generic.STATE: find_state(problem, floor)}
+    return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor)}
 
 
 def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[ScoredBank, tuple[str, ...]]:
