@@ -181,6 +181,26 @@ def _air_that_rises(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray((np.exp(-since / 60.0) * a[:, 2])[:, None] * rng.standard_normal(3))
 
 
+def _crosstalk_by_its_own_size(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = resting_stimulus(view.scene)
+    return np.asarray(np.roll(a, 1, axis=1) * a**2 * rng.standard_normal(3))
+
+
+def _at_one_end(view: ResidualView, rng: np.random.Generator) -> Floats:
+    return np.asarray((resting_stimulus(view.scene)[:, [1]] < -0.9) * rng.standard_normal(3))
+
+
+def _position_before_the_last(view: ResidualView, rng: np.random.Generator) -> Floats:
+    position, previous = view.scene.visits.position.code, view.scene.visits.previous
+    left = rng.standard_normal((position.max() + 1, 3))[position[previous[previous]]]
+    return np.asarray(np.where((previous >= 0) & (previous[previous] >= 0), left.T, 0.0).T)
+
+
+def _heat_of_a_hand(view: ResidualView, rng: np.random.Generator) -> Floats:
+    t, (run, names) = view.scene.time_s, view.scene.group("run")
+    return np.asarray(np.exp(-t / (0.15 * np.ptp(t)))[:, None] * rng.standard_normal((len(names), 3))[run])
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
@@ -207,6 +227,10 @@ def _air_that_rises(view: ResidualView, rng: np.random.Generator) -> Floats:
         (_product_of_two_squares, "input", 9, 1e-9),
         (_switch_of_the_temperature, "temperature/place", 3, 0.2),
         (_air_that_rises, "time*input", 9, 0.05),
+        (_crosstalk_by_its_own_size, "input", 6, 1e-9),
+        (_at_one_end, "input", 3, 1e-9),
+        (_position_before_the_last, "order", 75, 1e-9),
+        (_heat_of_a_hand, "time", 18, 0.05),
     ],
 )
 def test_a_law_is_followed_in_few_numbers_under_its_own_words(
@@ -261,6 +285,11 @@ def _sizes_of_the_others(view: ResidualView, rng: np.random.Generator) -> Floats
     return np.asarray((np.roll(a, 1, axis=1) - 0.4 * np.roll(a, 2, axis=1)) * rng.standard_normal(3))
 
 
+def _gain_by_the_side_of_another(view: ResidualView, rng: np.random.Generator) -> Floats:
+    a = resting_stimulus(view.scene)
+    return np.asarray(a * np.sign(np.round(np.roll(a, 1, axis=1), 6)) * rng.standard_normal(3))
+
+
 def _root_of_the_step(view: ResidualView, rng: np.random.Generator) -> Floats:
     a, previous = resting_stimulus(view.scene), view.scene.visits.previous
     step = np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
@@ -282,6 +311,7 @@ def _gain_at_one_temperature(view: ResidualView, rng: np.random.Generator) -> Fl
         (_square_of_the_rate, "temperature", 3, 1e-3),
         (_root_of_the_step, "order", 3, 1e-3),
         (_sizes_of_the_others, "input", 6, 1e-3),
+        (_gain_by_the_side_of_another, "input", 6, 1e-9),
         # Between two places, phases or periods that are tried less is lost than any cause loses.
         (_stairs_of_a_compensation, "temperature", 3, 0.4),
         (_gain_at_one_temperature, "temperature*input", 3, 0.1),

@@ -28,15 +28,15 @@ FADING_KERNEL, FADE_SHARE = "dwell-phase/fading", 0.25
 
 
 def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
-    """Any course within the dwell: the same at each stop, following the last move, the input, what is slow, or the
-    drive; and what fades, of a size that follows one of these, two of them together, or the way of the move."""
+    """Any course within the dwell: the same at each stop, or following the last move or the input; and what fades, of a
+    size that follows what is slow or the drive, two of them together, or the way of the move."""
     count = view.reduced.count
     if view.reduced.contrast.shape[1] == 0 or not np.any(count[:, 1:]):
         return
     a = resting_stimulus(view.scene, view.active)
     step = steps_before(view, a)
     slow, driven = list(_slow_courses(view)), list(_driven_courses(view))
-    sizes = np.ones_like(a), step, a, *(np.repeat(x, 3, axis=1) for x in (*slow, *driven))
+    sizes = np.ones_like(a), step, a
     blocks = np.arange(count.shape[1])
     yield from _kernels(MOVING_KERNEL, (blocks[:, None] == blocks[:-1]).astype(float), map(own_axis, sizes), view)
     fading = [*map(each_axis, (*slow, *driven)), *(own_axis(step * x) for x in slow)]

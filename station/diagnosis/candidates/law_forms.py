@@ -225,12 +225,17 @@ def _forms_of_input(a: Floats) -> Iterator[Law]:
     yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     yield from (("input", (form(one), form(two))) for form in (np.abs, np.square))
-    yield from (("input", (a * form(one), a * form(two))) for form in (np.abs, np.square))
+    yield from (("input", (a * form(one), a * form(two))) for form in (np.abs, np.square, _side))
+
+
+def _side(a: Floats) -> Floats:
+    """On which side of level each axis is, 0 where it lies level."""
+    return np.asarray(np.sign(a) * (np.abs(a) > 1e-6))
 
 
 def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
     """What follows the step from the stop before in another way than in proportion."""
-    size, way = np.abs(step), np.sign(step) * (np.abs(step) > 1e-6)
+    size, way = np.abs(step), _side(step)
     yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
     yield from (
         ("order", (form,)) for form in (way, way * np.minimum(size, PLAY), way * np.sqrt(size), step * size, size)
