@@ -12,6 +12,7 @@ from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.discover import FoundTerm, _group_terms, discover, is_series
 from station.diagnosis.discovery.equivalent_terms import is_same_curve
+from station.diagnosis.discovery.merge import TermPair
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
@@ -195,6 +196,32 @@ def test_a_wave_that_each_axis_feels_of_another_one_is_one_term_of_one_frequency
     assert term.family == ("other", "wave")
     assert {label.rpartition(":")[0] for label in term.axes} == {"x:z", "y:x", "z:y"}
     assert abs(dict(term.constants)["cycles_hz"] - 0.27 / (2 * np.pi)) < 0.0005
+
+
+@pytest.mark.parametrize("one_law", [True, False])
+def test_two_terms_are_one_law_where_the_second_may_be_of_the_first_ones_family(one_law: bool) -> None:
+    def decays(w: World, rng: Scaled) -> tuple[Any, Any]:
+        on_y, on_x = np.exp(-w.t / 12), np.exp(-w.t / 12) if one_law else w.motor
+        added = np.stack([0.4 * w.a[:, 1] * on_x, w.a[:, 2] * on_y, np.zeros_like(w.t)], axis=1)
+        return w.a, added * rng.amplitude(1e-4, (1,))[0]
+
+    table, _ = hide(recipe(), decays, 5, d=40.0)  # type: ignore[arg-type]
+    bare = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    spaces = TermSpaces(bare, bare.fit().floor)
+    tau = (("time_constant_s", 11.0),)
+    first = Term("other", "decay", ("y:z",), "common", tau)
+    alike = Term("other", "decay", ("x:y",), "common", tau)
+    second = (
+        Term("other-cubed", "decay", ("x:y",), "common", tau)
+        if one_law
+        else replace(alike, modulator="motor", constants=())
+    )
+    one, two, other = (fit_term(t, spaces.of(t)) for t in (first, second, alike))
+    both = refined(bare.with_accepted([accepted(f, bare.view, f"formula-{n}") for n, f in enumerate((one, two), 1)]))
+    found = TermPair(both, 0, 1, (one,), (two, other)).as_one(())
+    assert (found is not None) == one_law
+    assert found is None or (found.term.family, found.term.axes) == (("other", "decay"), ("x:y", "y:z"))
+    assert TermPair(both, 0, 1, (one,), (two,)).as_one(()) is None
 
 
 def test_a_wave_that_only_follows_a_chirp_leaves_no_noise() -> None:

@@ -55,6 +55,11 @@ class FoundTerm:
     score: float
     equivalent: tuple[TermFit, ...]
 
+    @property
+    def spellings(self) -> tuple[TermFit, ...]:
+        """All that it may be, itself first."""
+        return (self.fit, *self.equivalent)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discovery:
@@ -187,12 +192,9 @@ class _FormulaSearch:
         """The terms with the last one written into an earlier one, if both are better as one."""
         last = found[-1]
         for i, earlier in enumerate(found[:-1]):
-            if earlier.fit.term.family != last.fit.term.family:
-                continue
-            pair = TermPair(problem, first + i, first + len(found) - 1, earlier.fit.term, last.fit.term)
+            pair = TermPair(problem, first + i, first + len(found) - 1, earlier.spellings, last.spellings)
             if (one := pair.as_one(self._levels)) is not None:
-                rivals = (*earlier.equivalent, *last.equivalent)
-                better = FoundTerm(earlier.name, one, pair.score(one), pair.rivals(one, rivals, self._levels))
+                better = FoundTerm(earlier.name, one, pair.score(one), pair.rivals(one, self._levels))
                 rest = [better if at == i else term for at, term in enumerate(found[:-1])]
                 return _with_term(pair.bare, better, first + i), rest
         return problem, found

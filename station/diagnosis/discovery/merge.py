@@ -2,7 +2,9 @@
 
 The scan tries all axes of a product together and each alone. A law that each axis feels of another one, or of too many
 coefficients for all pairs at once, is found as terms of one family, each with a frequency or time constant of its own;
-so is what a first term leaves whose constant was tuned while the rest of the law was still in the way.
+so is what a first term leaves whose constant was tuned while the rest of the law was still in the way. What is left on
+another axis may be weak: then noise decides which family leads there, and one law is likelier than two that the first
+one's family cannot be told from.
 """
 
 from collections.abc import Sequence
@@ -13,11 +15,15 @@ from station.diagnosis.search.scoring import ScoringProblem
 from station.model.formula.grammar import columns_of
 from station.model.formula.term import Term
 
+#: A term and those that cannot be told from it.
+Spellings = Sequence[TermFit]
+
 
 class TermPair:
-    """Two terms of one family that a problem has accepted; bare: the problem without them."""
+    """Two terms that a problem has accepted, each with those that it cannot be told from; bare: the problem without
+    them."""
 
-    def __init__(self, problem: ScoringProblem, first: int, second: int, one: Term, two: Term) -> None:
+    def __init__(self, problem: ScoringProblem, first: int, second: int, one: Spellings, two: Spellings) -> None:
         self._one, self._two = one, two
         self._with_one = problem.without(second)
         self.bare = self._with_one.without(first)
@@ -25,25 +31,31 @@ class TermPair:
         self._spaces = TermSpaces(self.bare, self._floor)
 
     def as_one(self, levels: tuple[str, ...]) -> TermFit | None:
-        """Both as one term with the constants of either tuned anew; None where two terms say more."""
-        union = {*self._one.axes, *self._two.axes}
-        fits = [refine(t.with_axes(union), self._spaces.of(t)) for t in (self._one, self._two)]
-        best = with_levels(max(fits, key=lambda f: f.score), self._spaces.of(self._one), levels)
+        """Both as one term of a family that either may be, with the constants of either tuned anew; None where two
+        terms say more."""
+        others = {f.term.family: f.term for f in reversed(self._two)}
+        pairs = [(f.term, others[f.term.family]) for f in self._one if f.term.family in others]
+        fits = [refine(t.with_axes({*a.axes, *b.axes}), self._spaces.of(t)) for a, b in pairs for t in (a, b)]
+        if not fits:
+            return None
+        leader = max(fits, key=lambda f: f.odds)
+        best = with_levels(leader, self._spaces.of(leader.term), levels)
         return best if best.score >= self._score_apart() else None
 
     def _score_apart(self) -> float:
         """The score of both terms, one after the other."""
-        then = TermSpaces(self._with_one, self._floor)
-        return fit_term(self._one, self._spaces.of(self._one)).score + fit_term(self._two, then.of(self._two)).score
+        one, two, then = self._one[0].term, self._two[0].term, TermSpaces(self._with_one, self._floor)
+        return fit_term(one, self._spaces.of(one)).score + fit_term(two, then.of(two)).score
 
     def score(self, one: TermFit) -> float:
         """The score of one term, the floor at its best with it and without."""
         without = TermSpaces(self.bare, self.bare.fit().floor).of(one.term).space
         return one.score + self._spaces.of(one.term).space.profile - without.profile
 
-    def rivals(self, one: TermFit, former: Sequence[TermFit], levels: tuple[str, ...]) -> tuple[TermFit, ...]:
-        """Those of the terms that could not be told from either which cannot be told from one term, on its axes."""
-        terms = {f.term.family: _on_axes_of(f.term, one.term) for f in former if f.term.family != one.term.family}
+    def rivals(self, one: TermFit, levels: tuple[str, ...]) -> tuple[TermFit, ...]:
+        """What either term might have been that cannot be told from one term, on its axes."""
+        former = [f.term for f in (*self._one, *self._two)]
+        terms = {t.family: _on_axes_of(t, one.term) for t in former if t.family != one.term.family}
         fits = [with_levels(refine(t, self._spaces.of(t)), self._spaces.of(t), levels) for t in terms.values()]
         return other_families([f for f in fits if f.odds > one.odds - SET_NATS], one, self.bare.view.scene)
 
