@@ -11,6 +11,7 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
 from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.discover import FoundTerm, _group_terms, discover, is_series
+from station.diagnosis.discovery.edged_waves import EdgedWave, best_edged_wave
 from station.diagnosis.discovery.equivalent_terms import is_same_curve
 from station.diagnosis.discovery.merge import TermPair
 from station.diagnosis.discovery.order_selection import order_chance
@@ -283,6 +284,17 @@ def test_a_term_whose_size_goes_with_another_covariate_leaves_no_noise(hidden: b
     fit = refine(warm, TermSpaces(problem, problem.fit().floor).of(warm))
     known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
     assert is_noise(known, [fit.term]) != hidden
+
+
+@pytest.mark.parametrize(("above", "drift", "phase"), [(0.5, 0.17, 0.27), (0.3, -0.41, 0.61), (None, 0.44, 0.98)])
+def test_a_wave_with_edges_is_found_between_the_phases_of_the_grid(
+    above: float | None, drift: float, phase: float
+) -> None:
+    table, _ = hide(recipe(), None, 37)
+    view = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model())).view
+    hidden = EdgedWave(above, drift, phase).values(0.08, view)
+    alike = best_edged_wave(0.08, view, lambda x: float(x @ hidden) / float(np.linalg.norm(x) * np.linalg.norm(hidden)))
+    assert alike > 0.99
 
 
 @pytest.mark.parametrize("edges", [False, True])

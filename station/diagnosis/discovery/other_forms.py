@@ -24,6 +24,7 @@ import scipy
 from station.diagnosis.candidates.law_forms import BRANCHES, LAGS, THERMAL_PLAYS
 from station.diagnosis.candidates.temperature_memory import TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.discovery.edged_waves import best_edged_wave
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, visit_noise
 from station.diagnosis.discovery.term_fit import TermFit, TermSpace, TermSpaces, fit_in_place, fit_term
 from station.diagnosis.search.scoring import ScoringProblem
@@ -33,10 +34,8 @@ from station.model.formula.term import Term, axis_places
 from station.model.forward import sensor_signal
 from station.model.scene import Scene
 
-#: Levels between which a covariate steps, at most, phases of a wave with edges, and how much of a round a pulse lasts.
-MOST_LEVELS, PHASES, PULSE = 12, 24, 0.3
-#: Rounds by which a wave with edges may be ahead at the end of the longest run: another frequency fits it best.
-DRIFTS = (-0.6, -0.3, 0.0, 0.3, 0.6)
+#: Levels between which a covariate steps, at most.
+MOST_LEVELS = 12
 #: What differs by less than this share of the range is one level.
 SAME_LEVEL = 1e-3
 #: How far behind another law of a rate must be, nats, as the thermometer's errors are in both: chance puts a wrong one
@@ -60,6 +59,8 @@ def another_form_says_as_much(problem: ScoringProblem, terms: Sequence[Term]) ->
         own = fit_term(term, at)
         least = _nats(own, at)
         if any(_nats(fit_in_place(term, columns, at), at) > least for columns in edge_columns(term, at.view)):
+            return True
+        if term.modulator == "wave" and _best_with_edges(term, at) > least:
             return True
         others = [fit_in_place(term, columns, at) for columns in rate_columns(term, at.view)]
         if any(_nats(f, at) > least - RATE_NATS and _is_another_curve(f, own) for f in others):
@@ -87,14 +88,21 @@ def _nats(fit: TermFit, at: TermSpace) -> float:
     return 0.5 * fit.share * at.space.rest - fit.coefficients
 
 
+def _best_with_edges(wave: Term, at: TermSpace) -> float:
+    """What the best wave with edges is worth in place of a smooth one."""
+    signal = sensor_signal(at.view.scene, at.view.active)
+    felt = {(c.i, c.j, c.phase): (c, wave.factor_values(c, signal)[0]) for c in wave.columns}.values()
+
+    def worth(values: Floats) -> float:
+        return _nats(fit_in_place(wave, _on_axes([(c, x * values) for c, x in felt]), at), at)
+
+    return best_edged_wave(dict(wave.constants)["cycles_hz"], at.view, worth)
+
+
 def edge_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
-    """Columns (v, 3, K) of each law with edges that a term may be taken for."""
+    """Columns (v, 3, K) of each law with steps that a term may be taken for."""
     signal = sensor_signal(view.scene, view.active)
     parts = [(c, *term.factor_values(c, signal)) for c in term.columns]
-    if term.modulator == "wave":
-        pairs = {(c.i, c.j, c.phase): (c, felt) for c, felt, _ in parts}.values()
-        for wave in _edged_waves(dict(term.constants)["cycles_hz"], view):
-            yield _on_axes([(c, felt * wave) for c, felt in pairs])
     for covariate in (n for n in term.needs if not n.startswith("since")):
         for step in _steps(signal.scene.require(covariate)):
             yield _on_axes([(c, felt * step) for c, felt, _ in parts])
@@ -152,18 +160,6 @@ def _steps(x: Floats) -> Iterator[Floats]:
     for edge in between:
         above = np.where(x > edge, 1.0, 0.0)
         yield from (above, above - 1, 2 * above - 1)
-
-
-def _edged_waves(cycles_hz: float, view: ResidualView) -> Iterator[Floats]:
-    """Square waves, saws and pulses (v) at every phase and at frequencies nearby: the mean of each over its visit, in
-    which an edge may lie."""
-    time = view.reduced.fine.time_s
-    phases = np.arange(PHASES) / PHASES
-    for drift in DRIFTS:
-        part = ((cycles_hz + drift / max(float(time.max()), 1e-300)) * time[:, None] + phases) % 1
-        squares = np.where(part[:, phases < 0.5] < 0.5, 1.0, -1.0)
-        waves = np.concatenate([part - 0.5, np.where(part < PULSE, 1.0, 0.0), squares], axis=1)
-        yield from view.reduced.reduce_fine(waves)[0].T
 
 
 def _on_axes(parts: Sequence[tuple[FormulaColumn, Floats]]) -> Floats:
