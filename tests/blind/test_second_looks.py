@@ -11,7 +11,8 @@ import pytest
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _leaves_noise, _rest
-from station.diagnosis.search.finding import _rival_of
+from station.diagnosis.search.alarm import EXPLAINS_NATS
+from station.diagnosis.search.finding import _indistinguishable, _rival_of, cause_finding
 from station.diagnosis.search.form_check import compare_laws, in_place_of
 from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view, refined
@@ -121,6 +122,18 @@ def test_a_cause_stays_where_one_that_it_cannot_be_told_from_leaves_noise() -> N
     assert other is not None
     assert [(a.candidate.name, a.candidate.of) for a in other.accepted] == [("quadratic", "unit")]
     assert in_place_of(last, 0, "disturbed-visit") is None
+
+
+def test_what_explains_nothing_is_not_in_the_set_of_what_explains_little() -> None:
+    problem = problem_of(KNOWN["quadratic"], 80 + SEED, d=4.0)
+    search = CauseSearch(problem, null_of)
+    ranks = search.ranks(search.first, [])
+    finding = cause_finding(problem, ranks, ranks["quadratic"], 9.0)
+    assert finding.accepted is not None
+    near, _ = _indistinguishable(problem, causes_of(ranks), finding.accepted, finding.floor)
+    assert "asymmetry" in near
+    others = set(finding.indistinguishable_from) - set(near)
+    assert all(finding.evidence[name] >= EXPLAINS_NATS for name in others)
 
 
 def test_a_rival_is_asked_to_follow_a_cause_in_the_groups_that_the_cause_acts_in() -> None:

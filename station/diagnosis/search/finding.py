@@ -114,7 +114,9 @@ def cause_finding(
     probability = _posterior({n: e - UNKNOWN_NATS * (n in KERNEL_NAMES) for n, e in evidence.items()})
     accepted, floor = _accept(problem, cause)
     near_by, d = _indistinguishable(problem, causes, accepted, floor)
-    members = [n for n in dict.fromkeys((*likely, *near_by)) if n != cause.name]
+    # What explains nothing is in the set of none, however little the others explain.
+    shown = [n for n in likely if evidence[n] >= EXPLAINS_NATS]
+    members = [n for n in dict.fromkeys((*shown, *near_by)) if n != cause.name]
     return CauseFinding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise)
 
 
