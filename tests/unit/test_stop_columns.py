@@ -1,8 +1,12 @@
 """Columns of the stops are held without the places that are zero, and are whole where they are asked for."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates import columns
 from station.diagnosis.candidates.columns import StopColumns
 
 
@@ -56,3 +60,26 @@ def test_functions_of_each_axis_are_held_as_their_whole_columns_are(rng: np.rand
         whole_ones = StopColumns.of(np.concatenate([np.eye(3) * part[:, None] for part in parts], axis=2))
         for name in ("axis", "column", "course", "still", "count", "on_one_axis"):
             np.testing.assert_array_equal(getattr(held, name), getattr(whole_ones, name))
+
+
+@pytest.mark.parametrize("kind", ["an axis each", "several axes"])
+def test_a_bank_of_many_stops_holds_half_and_shows_the_same(
+    kind: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop, dwell = whole(rng, kind)
+    view: Any = SimpleNamespace(grid=SimpleNamespace(k=3))
+    full = StopColumns.in_bank(view, stop, dwell)
+    monkeypatch.setattr(columns, "MANY_STOPS", len(stop) - 1)
+    half = StopColumns.in_bank(view, stop, dwell)
+    assert full.moving is not None and half.moving is not None
+    assert (half.still.nbytes, half.moving.nbytes) == (full.still.nbytes // 2, full.moving.nbytes // 2)
+    # What is made of them is in full precision again, within half a step of single precision.
+    step, keep = 2.0**-24, rng.standard_normal((5, 3, 3))
+    for some, every in ((half.stop(), stop), (half.dwell(), dwell)):
+        assert some is not None and some.dtype == float
+        np.testing.assert_allclose(some, every, rtol=step, atol=0.0)
+    bound = 1.01 * step * (np.abs(keep) @ np.abs(stop))
+    assert np.all(np.abs(half.retained(keep) - keep @ stop) <= bound)
+    # Where only a length is kept most of a column may be lost, and rounding would be what is left.
+    view.grid.k = 1
+    assert StopColumns.in_bank(view, stop).still.dtype == float

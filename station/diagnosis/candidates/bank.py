@@ -238,12 +238,12 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     """The cause at every shape and level."""
     found = []
     for shaped in scanned_forms(effect, view):
-        columns = StopColumns.of(*view.signature(shaped))
+        columns = StopColumns.in_bank(view, *view.signature(shaped))
         found += [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(effect, view)]
-    return [_with_covariate_error(_with_even_powers(c), view) for c in found]
+    return [_with_covariate_error(_with_even_powers(c, view), view) for c in found]
 
 
-def _with_even_powers(c: Candidate) -> Candidate:
+def _with_even_powers(c: Candidate, view: ResidualView) -> Candidate:
     """The candidate of a polynomial with its columns brought to the length of the straight ones: a cube of degrees is a
     larger number than a degree, and its coefficient so much smaller."""
     if not isinstance(c.effect, TemperaturePolynomial) or c.effect.degree == 1:
@@ -251,7 +251,9 @@ def _with_even_powers(c: Candidate) -> Candidate:
     length = np.sqrt(np.mean(c.stop**2, axis=(0, 1)).reshape(c.effect.degree, -1).sum(1))
     scale = np.repeat(length[0] / np.maximum(length, 1e-300), c.axes // c.effect.degree)
     return replace(
-        c, columns=StopColumns.of(c.stop * scale), plain=replace(c, axis_scale=tuple(float(x) for x in scale))
+        c,
+        columns=StopColumns.in_bank(view, c.stop * scale),
+        plain=replace(c, axis_scale=tuple(float(x) for x in scale)),
     )
 
 
@@ -271,7 +273,7 @@ def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
     for mode in modes.T:
         off = view.with_rate(mode).signature(c.effect, c.of)[0]
         columns += [off * (of_unit == r)[:, None, None] for r in range(int(of_unit.max()) + 1)]
-    return replace(c, columns=StopColumns.of(np.concatenate(columns, axis=2)), plain=c)
+    return replace(c, columns=StopColumns.in_bank(view, np.concatenate(columns, axis=2)), plain=c)
 
 
 def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:

@@ -30,7 +30,7 @@ def places(made: Sequence[BankColumns]) -> Array | slice:
     return slice(made[0].at.start, made[-1].at.stop) if beside else np.concatenate([np.r_[m.at] for m in made])
 
 
-def scattered(made: Sequence[BankColumns], parts: Sequence[Floats], stops: slice) -> Floats:
+def scattered(made: Sequence[BankColumns], parts: Sequence[Array], stops: slice) -> Floats:
     """Columns (s, n, a) of each set as (s, n, C), those of each stop in the place of its group."""
     ends = np.cumsum([0, *(m.at.stop - m.at.start for m in made)]).tolist()
     out = np.zeros((*parts[0].shape[:2], ends[-1]))

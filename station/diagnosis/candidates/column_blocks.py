@@ -69,7 +69,7 @@ def _axis_columns(made: Sequence[BankColumns], layout: RowLayout, units: slice) 
     grid, stops = layout.grid.part(units)
     parts = [m.columns.on_their_axes(stops) for m in made]
     if all(m.groups == 1 for m in made):
-        values = np.concatenate(parts, axis=1)[:, None]
+        values = np.concatenate(parts, axis=1, dtype=float)[:, None]
     else:
         values = scattered(made, [part[:, None] for part in parts], stops)
     axes = np.concatenate([m.columns.axis for m in made for _ in range(m.groups)])

@@ -48,9 +48,12 @@ def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
 
 def _kernels(name: str, courses: Floats, sizes: Iterable[Floats], view: ResidualView) -> Iterator[Candidate]:
     """Courses (blocks, c) of sizes (v, 3, f) each."""
+    count = view.reduced.count
+    mean, contrast = mean_and_contrasts(np.broadcast_to(courses, (len(count), *courses.shape)), count)
     for size in sizes:
-        rows = np.einsum("bp,vif->vbipf", courses, size).reshape(len(size), len(courses), 3, -1)
-        columns = StopColumns.of(*mean_and_contrasts(rows, view.reduced.count))
+        still = np.einsum("vp,vif->vipf", mean, size).reshape(len(size), 3, -1)
+        moving = np.einsum("vbp,vif->vbipf", contrast, size).reshape(*contrast.shape[:2], 3, -1)
+        columns = StopColumns.in_bank(view, still, moving)
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel(name, of, view, columns)
 

@@ -28,7 +28,7 @@ def grouped_kernel(
 
 def kernels_at(view: ResidualView, name: str, columns: Floats, *levels: str) -> Iterator[Candidate]:
     """A kernel of columns (v, 3, c) at each of those levels that differ in these data."""
-    packed = StopColumns.of(columns)
+    packed = StopColumns.in_bank(view, columns)
     yield from (kernel(name, of, view, packed) for of in levels_that_differ(view, *levels))
 
 

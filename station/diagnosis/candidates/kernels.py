@@ -126,7 +126,7 @@ def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
         # The base may lean, and come back.
         yield from kernels_at(view, f"{name}*input", np.concatenate([base * x, base * bent], axis=2), "common")
         if name != "motor":
-            yield kernel(f"{name}*position", "position", view, StopColumns.of(moved * x))
+            yield kernel(f"{name}*position", "position", view, StopColumns.in_bank(view, moved * x))
 
 
 def _time(view: ResidualView) -> Iterator[Candidate]:
@@ -134,12 +134,12 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
     t = view.scene.time_s
     share = (t - t.min()) / max(float(np.ptp(t)), 1e-9)
     for waves in HALF_WAVES:
-        columns = StopColumns.of(each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
+        columns = StopColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time", of, view, columns)
     # Some swings in a run, with any phase: few numbers, where a run has few visits.
     for swing in _swings(view):
-        columns = StopColumns.of(each_axis(np.concatenate(swing, axis=1)))
+        columns = StopColumns.in_bank(view, each_axis(np.concatenate(swing, axis=1)))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time", of, view, columns)
     # What fades in each run from another size: a hand's heat, a part that came in cold.
@@ -160,7 +160,9 @@ def _campaign(view: ResidualView) -> Iterator[Candidate]:
     np.maximum.at(last, unit, clock)
     own = (clock - first[unit]) / np.maximum(last - first, 1e-9)[unit]
     for of, share in (("unit", own), ("common", (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9))):
-        yield kernel("time", of, view, StopColumns.of(each_axis(np.cos(np.pi * share[:, None] * CAMPAIGN_WAVES))))
+        yield kernel(
+            "time", of, view, StopColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * CAMPAIGN_WAVES)))
+        )
 
 
 def _swings(view: ResidualView) -> Iterator[tuple[Floats, Floats]]:
@@ -193,14 +195,17 @@ def _order(view: ResidualView) -> Iterator[Candidate]:
     step = each_axis(steps_before(view, a))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
     earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
-    turned = StopColumns.of(own_axis(a) * turn)
-    pulled = StopColumns.of(each_axis(np.einsum("vi,vj->vij", steps_before(view, a), a).reshape(len(a), 9)))
+    turned = StopColumns.in_bank(view, own_axis(a) * turn)
+    pulled = StopColumns.in_bank(view, each_axis(np.einsum("vi,vj->vij", steps_before(view, a), a).reshape(len(a), 9)))
     # About which axis a torque turned the part, and whether each axis came from above.
-    torque = StopColumns.of(own_axis(np.cross(steps_before(view, a), a)))
+    torque = StopColumns.in_bank(view, own_axis(np.cross(steps_before(view, a), a)))
     way = each_axis(np.sign(np.round(steps_before(view, a), 6)))
     length = np.linalg.norm(steps_before(view, a), axis=1)[:, None]
     pallets = each_axis((visits.visit % PALLETS)[:, None] == np.arange(PALLETS - 1))
-    alone = [StopColumns.of(x) for x in (turn, step, each_axis(length), each_axis(length**2), earlier, way, pallets)]
+    alone = [
+        StopColumns.in_bank(view, x)
+        for x in (turn, step, each_axis(length), each_axis(length**2), earlier, way, pallets)
+    ]
     for of in levels_that_differ(view, "unit", "common"):
         yield from (kernel("order", of, view, columns) for columns in alone)
         yield from (kernel("order*input", of, view, columns) for columns in (turned, pulled, torque))
@@ -217,13 +222,13 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
     places = len(visits.position.names)
     yield kernel("position", "position", view, _ones(view))
     if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
-        yield kernel("position", "position", view, StopColumns.of(visits.seat_R.transpose(0, 2, 1)))
+        yield kernel("position", "position", view, StopColumns.in_bank(view, visits.seat_R.transpose(0, 2, 1)))
     nest, nests = view.scene.group("nest")
     code, names = packed_codes(nest * places + visits.position.code)
     # Where a nest has met a position once, a visit that is wrong is the same.
     if len(nests) > 1 and np.bincount(code).min() > 1:
         for turn in _turns_of_nests(view):
-            yield grouped_kernel("position", "nest-position", code, names, StopColumns.of(turn))
+            yield grouped_kernel("position", "nest-position", code, names, StopColumns.in_bank(view, turn))
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
         yield grouped_kernel("position", "unit-position", *packed_codes(code), _ones(view))
@@ -256,7 +261,10 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
         return
     a = resting_stimulus(view.scene, view.active)
     others = np.concatenate([own_axis(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
-    for columns in (_ones(view), *(StopColumns.of(x) for x in (own_axis(a), others, *_turns_of_nests(view)))):
+    for columns in (
+        _ones(view),
+        *(StopColumns.in_bank(view, x) for x in (own_axis(a), others, *_turns_of_nests(view))),
+    ):
         yield kernel("unit", "run", view, columns)
 
 
@@ -264,13 +272,15 @@ def _group(view: ResidualView) -> Iterator[Candidate]:
     """Another offset and another matrix for each station, nest, lot and operator; where a gold is the truth, which may
     stand elsewhere, another turn of each nest."""
     a = resting_stimulus(view.scene, view.active)
-    matrix = StopColumns.of(np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
+    matrix = StopColumns.in_bank(view, np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
             yield kernel("group", of, view, _ones(view))
             yield kernel("group", of, view, matrix)
             if of == "nest" and view.scene.is_recorded("gold"):
-                yield from (kernel("group", of, view, StopColumns.of(turn)) for turn in _turns_of_nests(view))
+                yield from (
+                    kernel("group", of, view, StopColumns.in_bank(view, turn)) for turn in _turns_of_nests(view)
+                )
 
 
 def _turns_of_nests(view: ResidualView) -> Iterator[Floats]:
@@ -292,7 +302,7 @@ def _motor(view: ResidualView) -> Iterator[Candidate]:
     if motor is None or not np.ptp(motor):
         return
     for degree in (3, 7):
-        columns = StopColumns.of(each_axis(legendre.legvander(scaled(motor), degree)[:, 1:]))
+        columns = StopColumns.in_bank(view, each_axis(legendre.legvander(scaled(motor), degree)[:, 1:]))
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel("motor", of, view, columns)
 
@@ -307,7 +317,9 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             # (v, 3, functions of the one, functions of the other)
             both = factor[one][:, :, :bends, None] * factor[two][:, :, None, :bends]
             functions = both.reshape(len(both), 3, -1)
-            columns = StopColumns.of(np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1))
+            columns = StopColumns.in_bank(
+                view, np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1)
+            )
             for of in levels_that_differ(view, "unit", "common") if bends == 1 else ("unit",):
                 yield kernel(f"{one}*{two}", of, view, columns)
     a = resting_stimulus(view.scene, view.active)
@@ -315,7 +327,7 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
             # What each axis takes of any, of the product of the two others, or of its own with them.
             for forms in (each_axis(a), *_products_of_axes(a)):
-                columns = StopColumns.of(forms * factor[one][:, :, :1])
+                columns = StopColumns.in_bank(view, forms * factor[one][:, :, :1])
                 for of in levels_that_differ(view, "unit", "common"):
                     yield kernel(name, of, view, columns)
 
@@ -331,7 +343,7 @@ def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
     """A gain that swings in time, with any phase."""
     a = resting_stimulus(view.scene, view.active)
     for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
-        columns = StopColumns.of(np.concatenate([own_axis(a * wave) for wave in swing], axis=2))
+        columns = StopColumns.in_bank(view, np.concatenate([own_axis(a * wave) for wave in swing], axis=2))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time*input", of, view, columns)
 
@@ -355,7 +367,7 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
 
 
 def _ones(view: ResidualView) -> StopColumns:
-    return StopColumns.of(np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
+    return StopColumns.in_bank(view, np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
 
 
 def disturbed_readings(view: ResidualView) -> list[Candidate]:
@@ -367,4 +379,4 @@ def disturbed_readings(view: ResidualView) -> list[Candidate]:
     anything = np.broadcast_to(np.eye(3), (len(code), 3, 3)).copy()
     if view.grid.k == 1:
         anything = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
-    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, StopColumns.of(anything))]
+    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, StopColumns.in_bank(view, anything))]
