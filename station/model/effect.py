@@ -202,6 +202,11 @@ class Effect(ABC):
         """Coefficients of each visit (v, axes), from those of the groups of `level` (groups, axes)."""
         return np.asarray(coefficients[scene.codes(level)])
 
+    def gather_alike(self, scene: Scene, coefficient: Floats, level: str) -> Floats:
+        """Coefficients of each row (n, axes) where those of all groups of `level` are the same (axes)."""
+        del level
+        return np.broadcast_to(coefficient, (len(scene.visit), len(coefficient)))
+
     def value_of(self, coefficient: float) -> float | str:
         """The coefficient as the documents write it."""
         return float(coefficient)

@@ -166,22 +166,21 @@ def derivatives(
     """
     of = of or effect.of[0]
     h = 0.1 * effect.parameter.typical * effect.parameter.scale(scene.recipe)
-    groups = len(scene.group(of)[1])
     signal = sensor_signal(scene, active) if signal is None else signal
     rest = Signal(scene, signal.at_visit[scene.visit], signal.at_visit)
     for step in np.eye(len(effect.columns)) * h:
-        acting = ActiveEffect(effect, np.tile(step, (groups, 1)), of)
         if isinstance(effect, SensorEffect):
             # It adds to the reading: all else is the same on both sides.
-            c = acting.by_row(scene)
+            c = effect.gather_alike(scene, step, of)
             apart = effect.apply(signal, c) - effect.apply(signal, -c)
         elif isinstance(effect, StimulusEffect):
-            c = acting.by_row(scene)
-            felt = (replace(signal, true=signal.true + effect.apply(rest, x), moving=True) for x in (c, -c))
+            both = (effect.gather_alike(scene, x, of) for x in (step, -step))
+            felt = (replace(signal, true=signal.true + effect.apply(rest, c), moving=True) for c in both)
             apart = _difference(next(felt), next(felt), base, active)
         else:
-            both = (acting, acting._replace(coefficients=-acting.coefficients))
-            felt = (sensor_signal(scene, {**active, "?": one}) for one in both)
+            groups = len(scene.group(of)[1])
+            acting = (ActiveEffect(effect, np.tile(x, (groups, 1)), of) for x in (step, -step))
+            felt = (sensor_signal(scene, {**active, "?": one}) for one in acting)
             apart = _difference(next(felt), next(felt), base, active)
         apart /= 2 * h
         yield apart

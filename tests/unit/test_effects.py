@@ -252,6 +252,17 @@ def test_bias_walk_sums_up_within_a_run() -> None:
     np.testing.assert_allclose(got[:, 0], [1, 3, 4, 12], atol=1e-15)
 
 
+def test_equal_coefficients_of_all_groups_are_those_of_each() -> None:
+    at = scene(["z-up", "x-up"] * 3, run=[0, 0, 1, 1, 2, 2])
+    for kind in plugins.load_all("station.model.effects").values():
+        effect = kind.example()
+        for of in (level for level in effect.of if level in ("unit", "run", "visit", "common", "position", "nest")):
+            one = np.arange(1.0, 1.0 + len(effect.axes))
+            each = np.tile(one, (len(at.group(of)[1]), 1))
+            found = effect.gather_alike(at, one, of)
+            np.testing.assert_array_equal(found, effect.gather(at, each, of)[at.visit])
+
+
 def test_motors_rectify_with_the_square_of_their_drive() -> None:
     at = scene(["z-up"] * 3, values={"motor": np.array([0.0, 0.5, 1.0])})
     got = reads("vibration-rectification", [0.4] * 3, at)[:, 0]

@@ -42,6 +42,11 @@ class BiasWalk(SensorEffect):
         start = np.maximum.accumulate(np.where(scene.visits.previous < 0, np.arange(len(walk)), 0))
         return np.asarray(walk - before[start])
 
+    def gather_alike(self, scene: Scene, coefficient: Floats, level: str) -> Floats:
+        """Steps of one size (n, 3) summed up within each run."""
+        every = np.broadcast_to(coefficient, (len(scene.visits), len(coefficient)))
+        return self.gather(scene, every, level)[scene.visit]
+
     def draw(self, groups: int, rng: np.random.Generator) -> Floats:
         """Normal steps (groups, 3)."""
         return np.asarray(self.size * rng.standard_normal((groups, 3)))
