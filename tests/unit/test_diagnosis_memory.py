@@ -98,7 +98,7 @@ def test_causes_are_as_far_apart_some_units_at_a_time(problem: Any, name: str, m
     space, every = problem.space(problem.fit().floor, moving=False), all_candidates(problem.view)
     others = [(c, np.ones(len(c.names))) for c in every if c.name == name and not c.moving][:3]
     cubic = next(c for c in every if c.name == "cubic")
-    found = estimate_signal(cubic, problem.view, space, np.ones(len(cubic.names)))
+    found = estimate_signal(cubic, problem.view.layout, space, np.ones(len(cubic.names)))
     seen = list[int]()
     project = ResidualSpace.project
 
@@ -109,9 +109,9 @@ def test_causes_are_as_far_apart_some_units_at_a_time(problem: Any, name: str, m
     monkeypatch.setattr(ResidualSpace, "project", noted)
     monkeypatch.setattr(distinguishability, "UNITS_AT_ONCE", 2)
     for one in others:
-        apart = distinguishability.separations(found, [one], problem.view, space)[name]
+        apart = distinguishability.separations(found, [one], problem.view.layout, space)[name]
         assert seen == [2, 1]
-        axes = signature_axes(one[0], problem.view, space, one[1])
+        axes = signature_axes(one[0], problem.view.layout, space, one[1])
         assert apart == pytest.approx(plainly(found, axes), rel=1e-9)
         seen.clear()
     assert others

@@ -254,8 +254,8 @@ def test_bias_walk_sums_up_within_a_run() -> None:
 
 def test_equal_coefficients_of_all_groups_are_those_of_each() -> None:
     at = scene(["z-up", "x-up"] * 3, run=[0, 0, 1, 1, 2, 2])
-    for kind in plugins.load_all("station.model.effects").values():
-        effect = kind.example()
+    kinds: list[type[Effect]] = list(plugins.load_all("station.model.effects").values())
+    for effect in (kind.example() for kind in kinds):
         for of in (level for level in effect.of if level in ("unit", "run", "visit", "common", "position", "nest")):
             one = np.arange(1.0, 1.0 + len(effect.axes))
             each = np.tile(one, (len(at.group(of)[1]), 1))

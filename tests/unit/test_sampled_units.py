@@ -10,7 +10,15 @@ import pytest
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search import form_check, other_starts, rank, unit_sample, walk_marginal
+from station.diagnosis.search import (
+    distinguishability,
+    finding,
+    form_check,
+    other_starts,
+    rank,
+    unit_sample,
+    walk_marginal,
+)
 from station.diagnosis.search.candidate_banks import CandidateBanks, build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import evidence_by_cause, score_bank
@@ -48,9 +56,14 @@ def test_what_a_sample_shows_for_sure_is_behind_in_all_units_as_often_as_is_said
     rng = np.random.default_rng(7)
     sample, share = 16, 25.0
     each = rng.normal(3.0, np.sqrt(6.0), (2000, sample))
-    sure = unit_sample.UnitSample(None, np.zeros(0, bool), share).surely(each.sum(1))  # type: ignore[arg-type]
-    assert np.all(sure < 3.0 * sample * share)
-    assert np.all(np.diff(unit_sample.UnitSample(None, np.zeros(0, bool), share).surely(np.arange(40.0, 90.0))) > 0)  # type: ignore[arg-type]
+    some = unit_sample.UnitSample(None, np.zeros(0, bool), share)  # type: ignore[arg-type]
+    assert np.all(some.surely(each.sum(1)) < 3.0 * sample * share)
+    assert np.all(some.at_most(each.sum(1)) > 3.0 * sample * share)
+    assert np.all(np.diff(some.surely(np.arange(40.0, 90.0))) > 0)
+    # At its bound what all units say is as much more than the sample says as is no chance any more.
+    said = np.array([0.0, 20.0, 500.0])
+    most = some.at_most(said) / share
+    np.testing.assert_allclose(most - unit_sample.SURE_ERRORS * np.sqrt(2 * most), said, atol=1e-9)
 
 
 def test_walks_without_hope_leave_nothing_in_the_average(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -77,14 +90,62 @@ def test_causes_without_hope_under_a_floor_are_behind_what_they_were(
     # So large a walk speaks against all but what a walk hides.
     at = replace(floor, walk=3.0 * floor.noise)
     first = walk_marginal.WalkMarginal(score_bank(fleet, banks, floor), (), ())
-    kept = {c.name for bank in rank._hopeful(fleet, banks, at, [first]) for c in bank.candidates}
+    # Causes that are as near as to have any hope.
+    best = {c.name: rank.RankedCause(c.name, 1.0, c, first.best) for c in first.candidates}
+    kept = {c.name for bank in rank._hopeful(fleet, banks, at, [first], best) for c in bank.candidates}
     now = walk_marginal.WalkMarginal(score_bank(fleet, banks, at), (), ())
     before, after = (evidence_by_cause(m.candidates, m.totals()[None]) for m in (first, now))
     left_out = set(before) - kept
     assert left_out
     assert all(after[name][0] < before[name][0] for name in left_out)
     alone(monkeypatch)
-    assert rank._hopeful(fleet, banks, at, [first]) is banks
+    assert rank._hopeful(fleet, banks, at, [first], best) is banks
+
+
+def test_causes_far_behind_the_leader_are_so_under_the_floor_that_it_asks_for(
+    fleet: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rank, "FLOOR_UNITS", 3)
+    banks, floor = build_banks(fleet.view), fleet.fit().floor
+    first = walk_marginal.WalkMarginal(score_bank(fleet, banks, floor), (), ())
+    best: dict[str, rank.RankedCause] = {}
+    rank.keep_best(best, first, first.without())
+    leader = max(best.values(), key=lambda r: r.evidence)
+    at = replace(floor, noise=0.8 * floor.noise)
+    kept = {c.name for bank in rank._hopeful(fleet, banks, at, [first], best) for c in bank.candidates}
+    now = walk_marginal.WalkMarginal(score_bank(fleet, banks, at), (), ())
+    after = evidence_by_cause(now.candidates, (now.totals() - now.without())[None])
+    left_out = set(after) - kept
+    assert leader.name == "quadratic" and leader.name in kept and left_out
+    most = max(after[leader.name][0], leader.evidence) - unit_sample.HOPELESS_NATS
+    assert all(after[name][0] < most for name in left_out)
+
+
+def test_causes_far_from_the_found_one_in_a_sample_are_not_looked_at_in_all_units(
+    fleet: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(finding, "FLOOR_UNITS", 3)
+    problem = fleet
+    at = score_bank(problem, build_banks(problem.view), problem.fit().floor)
+    best: dict[str, rank.RankedCause] = {}
+    first = walk_marginal.WalkMarginal(at, (), ())
+    rank.keep_best(best, first, first.without())
+    causes = rank.causes_of(best)
+    accepted, floor = finding._accept(problem, best["quadratic"])
+    looked_at, separations = list[int](), distinguishability.separations
+
+    def noted(found: Any, others: Any, layout: Any, space: Any) -> Any:
+        looked_at.append(len(others))
+        return separations(found, others, layout, space)
+
+    monkeypatch.setattr(finding, "separations", noted)
+    near, d = finding._indistinguishable(problem, causes, accepted, floor)
+    sampled, some = looked_at
+    looked_at.clear()
+    alone(monkeypatch)
+    every, whole = finding._indistinguishable(problem, causes, accepted, floor)
+    assert (near, d) == (every, whole)
+    assert looked_at == [sampled] and some < sampled / 2
 
 
 def test_partners_far_behind_in_a_sample_are_not_the_best(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,14 +154,17 @@ def test_partners_far_behind_in_a_sample_are_not_the_best(fleet: Any, monkeypatc
     at = score_bank(fleet, search.banks.of(fleet.view, ()), fleet.fit().floor)
     start = next(c for c in at.candidates if c.name == "index-error" and at.shows(c))
     cause = rank.RankedCause(start.name, 1.0, start, at)
-    kept = [c for bank in other_starts._partners(search, fleet, at.floor) for c in bank.candidates]
-    value, names = other_starts._with_partner(search, fleet, cause)
+    kept = [c for bank in other_starts._partners(search, fleet, at.floor, 0.0) for c in bank.candidates]
+    value, names = other_starts._with_partner(search, fleet, cause, 0.0)
+    # Nothing explains so much: only what hits few units, which no sample tells, is looked at.
+    none = [c for bank in other_starts._partners(search, fleet, at.floor, 1e9) for c in bank.candidates]
     alone(monkeypatch)
-    whole, whole_names = other_starts._with_partner(search, fleet, cause)
+    whole, whole_names = other_starts._with_partner(search, fleet, cause, 1e9)
     assert value == pytest.approx(whole, rel=1e-9)
     assert names == whole_names == ("index-error", "quadratic")
-    every = [c for bank in other_starts._partners(search, fleet, at.floor) for c in bank.candidates]
-    assert {c.name for c in every if c.pattern == "scan"} < {c.name for c in kept} < {c.name for c in every}
+    every = [c for bank in other_starts._partners(search, fleet, at.floor, 1e9) for c in bank.candidates]
+    scans = {c.name for c in every if c.pattern == "scan"}
+    assert {c.name for c in none} == scans < {c.name for c in kept} < {c.name for c in every}
     assert not {c.name for c in every} & set(KERNEL_NAMES)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidate_in_view
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
 from station.domain.core.types import Floats
 from station.model.forward import ActiveEffect
@@ -83,7 +84,7 @@ def nuisance_of(
     common_precision, common_target = np.zeros(0), np.zeros(0)
     places: list[CoefficientIndex] = []
     for item in accepted:
-        rows, place = accepted_columns(item, view)
+        rows, place = accepted_columns(item, view.layout)
         weight, about = 1 / item.std**2, item.mean - item.coefficient
         if place.own:
             width = rows.stop.shape[-1]
@@ -123,7 +124,7 @@ def _covariate_error_columns(view: ResidualView, accepted: tuple[AcceptedCause, 
             yield Candidate("blur", None, "run", "own", code, names, StopColumns.of(stop)).rows(view.layout)
 
 
-def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColumns, CoefficientIndex]:
+def accepted_columns(item: AcceptedCause, layout: RowLayout) -> tuple[DataColumns, CoefficientIndex]:
     """Columns of the groups that act, and their places counted from 0."""
     c = item.candidate
     axes = np.arange(c.axes)
@@ -132,13 +133,13 @@ def accepted_columns(item: AcceptedCause, view: ResidualView) -> tuple[DataColum
         number = np.full(len(c.names), -1)
         number[chosen] = np.arange(len(chosen))
         column = np.where(item.hit[:, None], number[:, None] * c.axes + axes, -1)
-        return c.rows(view.layout, chosen), CoefficientIndex(own=False, unit=np.zeros_like(column), column=column)
-    unit, first = c.where(view.layout)
+        return c.rows(layout, chosen), CoefficientIndex(own=False, unit=np.zeros_like(column), column=column)
+    unit, first = c.where(layout)
     used = np.unique(first[item.hit])
     number = np.full(int(first.max()) + 1, -1)
     number[used] = np.arange(len(used))
     column = np.where(item.hit[:, None], number[first][:, None] * c.axes + axes, -1)
-    return _zero_inactive(c.rows(view.layout, used), unit, column), CoefficientIndex(
+    return _zero_inactive(c.rows(layout, used), unit, column), CoefficientIndex(
         own=True, unit=np.repeat(unit[:, None], c.axes, 1), column=column
     )
 

@@ -92,6 +92,6 @@ def _tie_beside_scatter(d: Diagnosis, c: Cause) -> CauseTie | None:
         return None
     best = max(each, key=lambda pair: pair[0])[1]
     hit = now.hit(best, problem.view).astype(float)
-    found = estimate_signal(best, problem.view, problem.space(floor, moving=best.moving), hit)
+    found = estimate_signal(best, problem.view.layout, problem.space(floor, moving=best.moving), hit)
     assert best.effect is not None
     return CauseTie(CauseHypothesis(best.effect, best.of, 1.0), tuple(likely[1:]), found.d, c.finding.probability)

@@ -55,7 +55,7 @@ class PlannedCampaign:
         hit = np.ones(len(candidate.names))
         if candidate.pattern == "scan":
             hit = (np.arange(len(hit)) == len(hit) // 2).astype(float)
-        return signature_axes(candidate, self.problem.view, self.space, hit)
+        return signature_axes(candidate, self.problem.view.layout, self.space, hit)
 
 
 @dataclass(frozen=True, slots=True)

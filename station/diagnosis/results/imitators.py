@@ -175,7 +175,7 @@ def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool
     for i in reversed(range(first, len(bare.accepted))):
         bare = bare.without(i)
     view, space = bare.view, bare.fit().space
-    found = [[accepted_columns(item.in_view(view), view) for item in items] for items in (terms, causes)]
+    found = [[accepted_columns(item.in_view(view), view.layout) for item in items] for items in (terms, causes)]
     if view.grid.units > 1 and not all(place.own for items in found for _, place in items):
         return False
     formula, known = (np.concatenate([space.project(rows) for rows, _ in items], axis=2) for items in found)

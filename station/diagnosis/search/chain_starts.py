@@ -62,8 +62,8 @@ def _beside(
     moving = any(r.best is not None and r.best.moving for r in (*causes, leader))
     space = problem.space(leader.at.floor, moving=moving)
     hit = leader.at.hit(leader.best, problem.view)
-    followed = estimate_signal(leader.best, problem.view, space, hit.astype(float))
+    followed = estimate_signal(leader.best, problem.view.layout, space, hit.astype(float))
     for r in causes:
         assert r.best is not None
         alone = r.at.hit(r.best, problem.view, alone=True).astype(float)
-        yield followed, signature_axes(r.best, problem.view, space, alone)
+        yield followed, signature_axes(r.best, problem.view.layout, space, alone)

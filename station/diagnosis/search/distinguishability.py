@@ -11,8 +11,8 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import UNITS_AT_ONCE, Candidate
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate, accepted_columns
-from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import visible_directions
+from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import ResidualSpace
 from station.domain.core.types import Floats
 
@@ -55,9 +55,9 @@ def _inverse(m: Floats) -> Floats:
     return np.where(m > 0, 1 / np.where(m > 0, m, 1.0), 0.0)
 
 
-def signature_axes(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> SignatureAxes:
+def signature_axes(candidate: Candidate, layout: RowLayout, space: ResidualSpace, hit: Floats) -> SignatureAxes:
     """What a candidate can move. hit (groups): 1 where a group acts."""
-    rows, place = accepted_columns(accept_candidate(candidate, hit > 0, 1.0), view)
+    rows, place = accepted_columns(accept_candidate(candidate, hit > 0, 1.0), layout)
     columns = space.project(rows)
     normal = columns.transpose(0, 2, 1) @ columns
     cross = None if place.own else np.einsum("umk,umc->kc", columns, space.shared_basis)
@@ -75,9 +75,9 @@ def _directions(normal: Floats, cross: Floats | None) -> tuple[Floats, Floats]:
     return np.where(visible, m, 0.0), E * visible[:, None, :]
 
 
-def estimate_signal(candidate: Candidate, view: ResidualView, space: ResidualSpace, hit: Floats) -> EstimatedSignal:
+def estimate_signal(candidate: Candidate, layout: RowLayout, space: ResidualSpace, hit: Floats) -> EstimatedSignal:
     """The estimated signal of a candidate."""
-    axes = signature_axes(candidate, view, space, hit)
+    axes = signature_axes(candidate, layout, space, hit)
     u = np.einsum("umk,um->uk", axes.vectors, space.residual)
     data = np.einsum("umk,uk->um", axes.vectors, axes.inverse * (u if axes.own else u.sum(0)))
     d2 = float(np.sum(data**2)) - float(np.count_nonzero(axes.m))
@@ -108,10 +108,10 @@ def _squares_outside(vectors: Floats, other: SignatureAxes, *, each: bool) -> fl
 
 
 def separations(
-    found: EstimatedSignal, others: Sequence[tuple[Candidate, Floats]], view: ResidualView, space: ResidualSpace
+    found: EstimatedSignal, others: Sequence[tuple[Candidate, Floats]], layout: RowLayout, space: ResidualSpace
 ) -> dict[str, float]:
     """d·√κ of a found signal against each of the other causes, by name, freed of what noise adds to it."""
-    return {c.name: _separation(found, c, hit, view, space) for c, hit in others}
+    return {c.name: _separation(found, c, hit, layout, space) for c, hit in others}
 
 
 def has_covariate_error(candidate: Candidate) -> bool:
@@ -120,45 +120,50 @@ def has_covariate_error(candidate: Candidate) -> bool:
 
 
 def _separation(
-    found: EstimatedSignal, other: Candidate, hit: Floats, view: ResidualView, space: ResidualSpace
+    found: EstimatedSignal, other: Candidate, hit: Floats, layout: RowLayout, space: ResidualSpace
 ) -> float:
     """d·√κ against one. What an error of its covariate does is no column of any size."""
     if other.plain is None or not has_covariate_error(other):
-        return float(np.sqrt(max(_apart(found, accept_candidate(other, hit > 0, 1.0), view, space), 0.0)))
-    apart = _apart(found, accept_candidate(other.plain, hit > 0, 1.0), view, space)
-    gained = _gained_by_error(found, other, other.plain.axes, view, space)
+        return float(np.sqrt(max(_apart(found, accept_candidate(other, hit > 0, 1.0), layout, space), 0.0)))
+    apart = _apart(found, accept_candidate(other.plain, hit > 0, 1.0), layout, space)
+    gained = _gained_by_error(found, other, other.plain.axes, layout, space)
     return float(np.sqrt(max(apart - gained, 0.0)))
 
 
 def _gained_by_error(
-    found: EstimatedSignal, other: Candidate, axes: int, view: ResidualView, space: ResidualSpace
+    found: EstimatedSignal, other: Candidate, axes: int, layout: RowLayout, space: ResidualSpace
 ) -> float:
     """How much nearer a cause c · x comes to a signal as c · (x + Σ z·mode), by its coefficients c and what its
     covariate may be off by, z, which costs z²: least squares of one and the other in turns. The first `axes` columns of
     the candidate are x, each mode has as many."""
-    gained = 0.0
-    for u, signal in enumerate(found.data):
-        white = space.project(other.rows(view.layout).of_units(slice(u, u + 1)), slice(u, u + 1))[0]
-        x, modes = white[:, :axes], white[:, axes:].reshape(len(white), -1, axes)
-        z = np.zeros(modes.shape[1])
-        rest: list[float] = []
-        for _ in range(ERROR_ROUNDS):
-            course = x + np.einsum("k,mka->ma", z, modes)
-            c = np.linalg.lstsq(course, signal, rcond=1e-9)[0]
-            rest.append(float(np.sum((signal - course @ c) ** 2) + z @ z))
-            along = modes @ c
-            z = np.linalg.solve(along.T @ along + np.eye(len(z)), along.T @ (signal - x @ c))
-        gained += rest[0] - min(rest)
+    rows, gained = other.rows(layout), 0.0
+    for units in layout.grid.parts(UNITS_AT_ONCE):
+        columns = space.project(rows.of_units(units), units)
+        gained += sum(_nearer_by_error(*one, axes) for one in zip(found.data[units], columns, strict=True))
     return gained
 
 
-def _apart(found: EstimatedSignal, other: AcceptedCause, view: ResidualView, space: ResidualSpace) -> float:
+def _nearer_by_error(signal: Floats, columns: Floats, axes: int) -> float:
+    """The same of one unit, from its signal (M) and the white columns (M, axes · (1 + modes))."""
+    x, modes = columns[:, :axes], columns[:, axes:].reshape(len(columns), -1, axes)
+    z = np.zeros(modes.shape[1])
+    rest: list[float] = []
+    for _ in range(ERROR_ROUNDS):
+        course = x + np.einsum("k,mka->ma", z, modes)
+        c = np.linalg.lstsq(course, signal, rcond=1e-9)[0]
+        rest.append(float(np.sum((signal - course @ c) ** 2) + z @ z))
+        along = modes @ c
+        z = np.linalg.solve(along.T @ along + np.eye(len(z)), along.T @ (signal - x @ c))
+    return rest[0] - min(rest)
+
+
+def _apart(found: EstimatedSignal, other: AcceptedCause, layout: RowLayout, space: ResidualSpace) -> float:
     """d²·κ against one, some units at a time: of its white columns only small products are kept."""
-    rows, place = accepted_columns(other, view)
+    rows, place = accepted_columns(other, layout)
     unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
     both = np.concatenate([found.data[..., None], unit], axis=2)
     normal, along, cross = list[Floats](), list[Floats](), np.zeros((rows.stop.shape[-1], space.shared_basis.shape[2]))
-    for units in view.grid.parts(UNITS_AT_ONCE):
+    for units in layout.grid.parts(UNITS_AT_ONCE):
         turned = space.project(rows.of_units(units), units).swapaxes(1, 2)
         normal.append(turned @ turned.swapaxes(1, 2))
         along.append(turned @ both[units])

@@ -11,6 +11,7 @@ from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import has_jump
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS
 from station.diagnosis.search.distinguishability import (
     SEPARATION_95,
@@ -22,14 +23,21 @@ from station.diagnosis.search.distinguishability import (
 from station.diagnosis.search.jump_times import fit_jump_times
 from station.diagnosis.search.rank import RankedCause, causes_of, leaders
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
+from station.diagnosis.search.unit_sample import FLOOR_UNITS, UnitSample, sampled_units
+from station.domain.core.types import Floats
 
 #: A kernel must beat every cause by this share, too: no form, and no mean of a block, is more exact. What it leaves out
 #: is found in the next round.
 KERNEL_MARGIN = 0.04
 #: A set of causes less likely than this, which is less likely than not, does not account for what was found.
 UNLIKELY = 1 / 2
+#: A separation in a sample of a fleet's units that is so many times as large as any that matters is none of chance.
+SURE_SHARE = 2.0
 #: A kernel is named beside the leading one where it explains all but this share of what that explains.
 NEAR_SHARE = 0.08
+
+#: A candidate and which of its groups (groups) act.
+Hit = tuple[Candidate, Floats]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,10 +194,23 @@ def _indistinguishable(
     others = [(c, at) for c, at in others if (c.name, c.of) not in known]
     moving = any(c.moving for c in (accepted.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)
-    found = estimate_signal(accepted.candidate, problem.view, space, accepted.hit.astype(float))
+    mine = accepted.candidate, accepted.hit.astype(float)
+    found = estimate_signal(mine[0], problem.view.layout, space, mine[1])
     hits = [(c, at.hit(c, problem.view, alone=True).astype(float)) for c, at in others]
-    apart = separations(found, hits, problem.view, space)
+    if (sample := sampled_units(problem.setting, FLOOR_UNITS)) is not None:
+        hits = _perhaps_near(sample, mine, hits, sample.setting.space(floor, moving=moving))
+    apart = separations(found, hits, problem.view.layout, space)
     # How far a covariate may be off is an estimate, too: from such a cause nothing is told by little.
     blurred = {c.name for c, _ in others if has_covariate_error(c)}
     near = [n for n, x in apart.items() if x < (SEPARATION_99 if n in blurred else SEPARATION_95)]
     return sorted(near, key=lambda n: apart[n]), found.d
+
+
+def _perhaps_near(sample: UnitSample, mine: Hit, others: Sequence[Hit], space: ResidualSpace) -> list[Hit]:
+    """The causes that a fleet's sample, in its space, does not show to be further from the accepted one, mine, than it
+    takes to tell them apart: squares of what a cause cannot follow add up over units."""
+    layout = sample.setting.layout
+    candidate, hit = sample.of(*mine)
+    found = estimate_signal(candidate, layout, space, hit)
+    apart = separations(found, [sample.of(*one) for one in others], layout, space)
+    return [one for one in others if apart[one[0].name] < SURE_SHARE * SEPARATION_99]

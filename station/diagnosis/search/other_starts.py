@@ -2,10 +2,13 @@
 
 The first cause is chosen alone. A jump that may be in any run takes up what a warm-up does in all of them, and what it
 leaves is no longer seen. So each of the best few is set beside whatever fits best next to it, all under one floor: as
-cheap as one look at the bank. Only what is then ahead is looked for in full.
+cheap as one look at the bank. What is beside the cause that was found first, the state after it has told. Only what is
+then ahead is looked for in full.
 """
 
 from collections.abc import Mapping
+
+import numpy as np
 
 from station.diagnosis.candidates.bank import Bank
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
@@ -30,7 +33,7 @@ def best_of_starts(search: CauseSearch, state: SearchState, ranks: Mapping[str, 
         return found
     least = _value(found) + AHEAD_NATS
     tried = set[str]()
-    for value, names in _pairs(search, state.problem, ranks, {f.name for f, _ in found}):
+    for value, names in _pairs(search, state.problem, ranks, found, least):
         if value <= least or len(tried) >= 2 * MAX_PAIRS:
             break
         for name in names:
@@ -57,28 +60,45 @@ def _pays(search: CauseSearch, found: Chain) -> bool:
 
 
 def _pairs(
-    search: CauseSearch, problem: ScoringProblem, ranks: Mapping[str, RankedCause], found: set[str]
+    search: CauseSearch, problem: ScoringProblem, ranks: Mapping[str, RankedCause], found: Chain, least: float
 ) -> list[tuple[float, tuple[str, str]]]:
-    """What the likeliest causes, and those that were found, explain with the best partner of each; the most first."""
+    """What the likeliest causes, and those that were found, explain with the best partner of each; the most first. What
+    cannot come to the least need not be told exactly."""
+    names = {f.name for f, _ in found}
     visible = (r for r in causes_of(ranks) if r.best is not None and r.evidence > 0 and r.at.shows(r.best))
-    causes = sorted(visible, key=lambda r: (r.name in found, r.evidence), reverse=True)[:MAX_STARTS]
-    return sorted((_with_partner(search, problem, r) for r in causes), reverse=True)
+    causes = sorted(visible, key=lambda r: (r.name in names, r.evidence), reverse=True)[:MAX_STARTS]
+    first, after = found[0]
+    return sorted(
+        (
+            _best_pair(r, after.evidence) if r.name == first.name else _with_partner(search, problem, r, least)
+            for r in causes
+        ),
+        reverse=True,
+    )
 
 
-def _with_partner(search: CauseSearch, problem: ScoringProblem, cause: RankedCause) -> tuple[float, tuple[str, str]]:
-    """The evidence of a cause and of the best one beside it, and their names."""
-    assert cause.best is not None
-    known = problem.with_accepted((*problem.accepted, cause.at.accept(cause.best, problem.view)))
-    floor = known.fit(cause.at.floor).floor
-    now = score_bank(known, _partners(search, known, floor), floor)
-    evidence = evidence_by_cause(now.candidates, now.readings().evidence)
-    value, partner = max((float(e[0]), n) for n, e in evidence.items())
+def _best_pair(cause: RankedCause, evidence: Mapping[str, float]) -> tuple[float, tuple[str, str]]:
+    """The evidence of a cause and of the best one beside it, by the evidence of all beside it, and their names."""
+    causes = ((e, name) for name, e in evidence.items() if name not in KERNEL_NAMES)
+    value, partner = max(causes, default=(-np.inf, cause.name))
     return cause.evidence + value - CHOICE_NATS, (cause.name, partner)
 
 
-def _partners(search: CauseSearch, known: ScoringProblem, floor: NoiseFloor) -> list[Bank]:
-    """The causes of which any may be the best beside what is known: of a fleet those that a sample does not show to be
-    far behind, and all that hit few units, as they may hit none of the sample."""
+def _with_partner(
+    search: CauseSearch, problem: ScoringProblem, cause: RankedCause, least: float
+) -> tuple[float, tuple[str, str]]:
+    """The same from a look at the causes beside it."""
+    assert cause.best is not None
+    known = problem.with_accepted((*problem.accepted, cause.at.accept(cause.best, problem.view)))
+    floor = known.fit(cause.at.floor).floor
+    now = score_bank(known, _partners(search, known, floor, least - cause.evidence + CHOICE_NATS), floor)
+    evidence = evidence_by_cause(now.candidates, now.readings().evidence)
+    return _best_pair(cause, {name: float(e[0]) for name, e in evidence.items()})
+
+
+def _partners(search: CauseSearch, known: ScoringProblem, floor: NoiseFloor, least: float) -> list[Bank]:
+    """The causes of which any may be the best beside what is known, and of so many nats at the least: of a fleet those
+    that a sample does not show to be far behind, and all that hit few units, as they may hit none of the sample."""
     every = search.banks.of(known.view, search.undetectable)
     banks = [bank.named({c.name for c in bank.candidates} - set(KERNEL_NAMES)) for bank in every]
     sample = sampled_units(known.setting, FLOOR_UNITS)
@@ -86,6 +106,6 @@ def _partners(search: CauseSearch, known: ScoringProblem, floor: NoiseFloor) -> 
         return banks
     (some,) = sample.scored([c for bank in banks for c in bank.candidates], [floor])
     evidence = some.readings().evidence[0]
-    far = sample.surely(evidence.max() - evidence) > HOPELESS_NATS
+    far = (sample.surely(evidence.max() - evidence) > HOPELESS_NATS) | (sample.at_most(evidence) < least)
     names = {c.name for c, behind in zip(some.candidates, far, strict=True) if not behind or c.pattern == "scan"}
     return [bank.named(names) for bank in banks]

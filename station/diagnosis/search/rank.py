@@ -15,7 +15,7 @@ from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank, score_in_noise
-from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, sampled_units
+from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, UnitSample, sampled_units
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
@@ -23,6 +23,8 @@ from station.domain.core.types import Floats
 OCCAM_NATS = 3.0
 #: Causes that are a variance of the floor, and which.
 FLOOR_VARIANCES = {"repeatability": 1, "bias-walk": 2}
+#: What has less than this share of the leader's evidence is no rival under a floor that the leader asks for.
+FAR_SHARE = 0.5
 #: A floor is worth trying when it differs by more than this share from those tried.
 FLOOR_TOLERANCE = 0.05
 
@@ -106,31 +108,58 @@ def _next_floor(
             first = visited[0].best
             if found.is_multiple_of(first.floor):
                 return WalkMarginal(score_in_noise(problem, first, found), (), ())
-            return WalkMarginal(score_bank(problem, _hopeful(problem, banks, found, visited), found), (), ())
+            return WalkMarginal(score_bank(problem, _hopeful(problem, banks, found, visited, best), found), (), ())
     return None
 
 
 def _hopeful(
-    problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor, visited: list[WalkMarginal]
+    problem: ScoringProblem,
+    banks: Sequence[Bank],
+    at: NoiseFloor,
+    visited: list[WalkMarginal],
+    best: Mapping[str, RankedCause],
 ) -> Sequence[Bank]:
     """The causes of a fleet, with all their candidates, of which any may be better under a floor than under those that
-    were visited."""
+    were visited, and then near the leader."""
     sample = sampled_units(problem.setting, FLOOR_UNITS)
     if sample is None:
         return banks
     floors = [*(m.best.floor for m in visited), at]
     empty = score_bank(problem, [bank.only([]) for bank in banks], at)
     fits = np.concatenate([s.readings().fits for s in (*(m.best for m in visited), empty)])
-    kept = []
+    lost = fits.max(0) - fits[-1]
+    far, kept = _far_behind(sample, banks, best, at, lost), []
     for bank, without in zip(banks, fits.T, strict=True):
-        names = {c.name for c in bank.candidates}
-        if without.max() - without[-1] > HOPELESS_NATS:
-            least = sample.behind(bank.candidates, floors, without[:, None])[-1]
-            pairs = zip(bank.candidates, least, strict=True)
+        near = bank.named({c.name for c in bank.candidates} - far)
+        names = {c.name for c in near.candidates}
+        if names and without.max() - without[-1] > HOPELESS_NATS:
+            least = sample.behind(near.candidates, floors, without[:, None])[-1]
+            pairs = zip(near.candidates, least, strict=True)
             # What hits few units may hit none of the sample.
             names = {c.name for c, nats in pairs if nats <= HOPELESS_NATS or c.pattern == "scan"}
-        kept.append(bank.named(names))
+        kept.append(near.named(names))
     return kept
+
+
+def _far_behind(
+    sample: UnitSample, banks: Sequence[Bank], best: Mapping[str, RankedCause], at: NoiseFloor, lost: Floats
+) -> set[str]:
+    """The causes that are far behind the leader under the floors that were visited, and in the sample under one more,
+    too. lost (banks): by how many nats that is behind the best of those without any cause."""
+    leader = max(best.values(), key=lambda r: r.evidence)
+    most = min(FAR_SHARE * leader.evidence, leader.evidence - HOPELESS_NATS)
+    far = {name for name, r in best.items() if r.evidence < most}
+    if not far or leader.best is None:
+        return set()
+    rivals = [c for bank in banks for c in bank.candidates if c.name in far]
+    (some,) = sample.scored([leader.best, *rivals], [at])
+    evidence = some.readings().evidence[0]
+    of_bank = np.array([[bank.moving for bank in banks].index(c.moving) for c in some.candidates])
+    own = [c.name == leader.name for c in some.candidates]
+    nats = sample.surely(evidence[own].max() - evidence) + lost[of_bank] - lost[of_bank[own][0]]
+    # What hits few units may hit none of the sample, but under a floor that the leader asks for it doubles nothing.
+    pairs = zip(some.candidates, nats, strict=True)
+    return far - {c.name for c, behind in pairs if behind <= HOPELESS_NATS and c.pattern != "scan"}
 
 
 def _differ(a: NoiseFloor, b: NoiseFloor) -> bool:

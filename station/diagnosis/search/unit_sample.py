@@ -41,6 +41,13 @@ class UnitSample:
         kinds = sorted({c.moving for c in items})
         return tuple(build_bank(items, self.setting.layout, moving=moving) for moving in kinds)
 
+    def of(self, candidate: Candidate, hit: Floats) -> tuple[Candidate, Floats]:
+        """A candidate of the whole fleet and which of its groups (groups) act, as the sample has them."""
+        there = np.zeros(len(hit))
+        there[candidate.code[self.stops]] = 1.0
+        plain = candidate.plain and candidate.plain.select_visits(self.stops)
+        return replace(candidate.select_visits(self.stops), plain=plain), hit * there
+
     def scored(self, candidates: Sequence[Candidate], floors: Sequence[NoiseFloor]) -> tuple[ScoredBank, ...]:
         """Candidates of the whole fleet, as its sample shows them under each of some floors."""
         return score_under_floors(self.setting, self.banks(candidates), floors)
@@ -59,6 +66,12 @@ class UnitSample:
     def surely(self, nats: Floats) -> Floats:
         """By how many nats at the least all units differ where the sample differs by so many."""
         return np.asarray(self.share * (nats - SURE_ERRORS * np.sqrt(2 * np.abs(nats))))
+
+    def at_most(self, nats: Floats) -> Floats:
+        """By how many nats at the most all units say what the sample says by so many: of more, D, it would say
+        D − SURE_ERRORS·√(2D) at the least."""
+        half = SURE_ERRORS / np.sqrt(2)
+        return np.asarray(self.share * (half + np.sqrt(half**2 + np.maximum(nats, 0.0))) ** 2)
 
 
 def sampled_units(setting: ScoringSetting, count: int, start: float = 0.0) -> UnitSample | None:
