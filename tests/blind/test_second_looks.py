@@ -10,16 +10,19 @@ import pytest
 
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.discovery.discover import Discovery
+from station.diagnosis.results.first_formula import _is_whole, law_alone
 from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _leaves_noise, _rest
 from station.diagnosis.search.alarm import EXPLAINS_NATS
+from station.diagnosis.search.cause_search import search_causes
 from station.diagnosis.search.finding import _indistinguishable, _rival_of, cause_finding
 from station.diagnosis.search.form_check import compare_laws, in_place_of
 from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view, refined
-from station.diagnosis.search.rank import causes_of, with_free_variance
+from station.diagnosis.search.rank import causes_of, leaders, with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
 from station.diagnosis.search.scoring import ScoringProblem
-from station.diagnosis.search.search_state import CauseSearch
+from station.diagnosis.search.search_state import CauseSearch, LawAlone
 from station.diagnosis.search.second_look import judged_again
 from station.domain.core.types import Floats
 from station.domain.recipe.blocks import DwellRule
@@ -147,6 +150,35 @@ def test_a_rival_is_asked_to_follow_a_cause_in_the_groups_that_the_cause_acts_in
     assert any(best.of == "common" and rival.of == "unit" for best, rival in found)
     of_units = {c.name for c in search.first.now.candidates if c.of == "unit"}
     assert all(rival.of == "unit" for best, rival in found if best.name in of_units)
+
+
+def bent_by_others(w: World, _: np.random.Generator) -> tuple[Floats, Floats]:
+    """The size of what one axis feels bends the two others, the more the later: many causes follow a little of it."""
+    later = (w.t - w.t.min()) / np.ptp(w.t)
+    return w.a, (np.abs(w.a[:, 2]) * later)[:, None] * np.array([1.0, -0.7, 0.0]) * 3e-3
+
+
+def test_a_law_that_leaves_nothing_is_looked_for_before_causes_that_each_follow_a_little_of_it() -> None:
+    search = CauseSearch(problem_of(bent_by_others, 80 + SEED, units=4), null_of)
+    best, kernel = (leader.evidence if leader else 0.0 for leader in leaders(search.ranks(search.first, [])))
+    law = law_alone(search, best, kernel)
+    assert law is not None
+    assert law.is_whole
+    assert isinstance(law.found, Discovery)
+    assert [t.fit.term.input for t in law.found.terms] == ["other-size"]
+    # Where a cause explains what there is, or a kernel as much as the law, none is looked for, or it takes no place.
+    assert law_alone(search, 1e3, kernel) is None
+    assert not _is_whole(law.found, 1e3)
+
+
+def test_a_law_that_is_all_there_is_stands_alone_and_any_other_beside_the_causes() -> None:
+    problem = problem_of(KNOWN["quadratic"], 90 + SEED, d=20.0)
+    for whole in (True, False):
+        law = LawAlone("found", whole)
+        found = search_causes(problem, null_of, lambda *_, law=law: law)
+        assert found.law is law
+        assert ("quadratic" in {f.name for f in found.findings}) != whole
+        assert bool(found.words) == whole
 
 
 @pytest.mark.parametrize("neighbours", [(3, 5, 6), (8, 9)])

@@ -137,7 +137,22 @@ def test_the_likelihood_is_that_of_dense_matrices(pattern: Pattern, shared: int)
         Z = np.zeros((U * rows, 2 * U))
         for k in range(U):
             Z[k * rows : (k + 1) * rows, 2 * k : 2 * k + 2] = columns[k]
-    assert can.likelihood(can.terms(u, sets), sets)[0] == pytest.approx(dense(observed, Z), abs=1e-6)
+    wanted = dense(observed, Z)
+    assert can.likelihood(can.terms(u, sets), sets)[0] == pytest.approx(wanted, abs=1e-6)
+    assert can.likelihood_of(u, sets)[0] == pytest.approx(wanted, abs=1e-6)
+
+
+@given(st.integers(0, 99), st.integers(1, 5))
+def test_likelihoods_are_the_same_by_axes_of_all_units_and_by_those_of_each(seed: int, shared: int) -> None:
+    """A column that the units share may be one of the cause's own, which is then told by nothing."""
+    rng = np.random.default_rng(seed)
+    observed = a_space(rng, shared)
+    columns = random_columns(observed, rng, 2)
+    columns[..., :1] = observed.shared_basis[..., :1] if seed % 3 == 0 else columns[..., :1]
+    can, u, sets = found(observed, columns, "own")
+    usual = slice(0, 30 if seed % 3 == 0 else None)  # Beyond, the normal matrix of the known columns is singular.
+    each = can.likelihood(can.terms(u, sets), sets)
+    assert can.likelihood_of(u, sets)[0, usual] == pytest.approx(each[0, usual], abs=1e-6)
 
 
 @pytest.mark.parametrize("shared", [0, 2])

@@ -251,7 +251,7 @@ def _fits_of(
     most = np.array([bank.candidates[i].most for i in kind.which])
     can = spectrum(size, np.where(visible, m, 0.0), cross * visible[..., None], kind.pattern, most)
     u = can.components((readings * visible)[:, None], sets)
-    likelihood = can.likelihoods(u, sets) if scan else can.likelihood(can.terms(u, sets), sets)
+    likelihood = can.likelihoods(u, sets) if scan else can.likelihood_of(u, sets)
     odds = log_mean_exp(likelihood)
     evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
     retained = can if drawn is not None else can.of_readings()

@@ -34,6 +34,9 @@ FEW_GROUPS = 3
 MAX_EXPLAINED_SHARE, MAX_EXPLAINED_SHARE_SINGLE = 1 - 1e-9, 1 - 1e-6
 
 Pattern = Literal["own", "shared", "scan"]
+#: A normal matrix of all units together is turned to its axes where it is at most so many times as wide as there are
+#: known columns: beyond, it takes longer than as many matrices of those as there are amplitudes.
+WIDEST_TOGETHER = 4
 #: How coefficients are grouped: by unit; not at all; by unit and group of the unit.
 GROUP_AXES = {"own": 1, "shared": 0, "scan": 2}
 
@@ -143,6 +146,25 @@ class EigenSpectrum:
         if self.pattern == "own" or not self.cross.shape[-1]:
             return products
         return np.asarray(products - np.moveaxis(self.cross @ sets.shared.T, -1, b))
+
+    def likelihood_of(self, u: Floats, sets: DataSets) -> Floats:
+        """L (b, n, ρ) of u; not of a scan."""
+        *_, units, each, known = 1, *self.cross.shape
+        alone = self.pattern != "own" or self.size.copies > 1
+        if alone or units * each > WIDEST_TOGETHER * known:
+            return self.likelihood(self.terms(u, sets), sets)
+        together = self._flat(self.cross)
+        normal = -together @ together.swapaxes(-1, -2)
+        at = np.arange(normal.shape[-1])
+        normal[..., at, at] += self.m.reshape(*normal.shape[:-1])
+        m, E = np.linalg.eigh(normal)
+        # What the known columns take up leaves rounding, which explains nothing.
+        m = np.where(m > RANK_TOLERANCE * self.m.max(axis=(-1, -2), initial=0.0)[..., None], m, 0.0)
+        left = u.reshape(*u.shape[:-2], -1) - sets.shared @ together.swapaxes(-1, -2)
+        along = np.where(m[..., None, :] > 0, left @ E, 0.0)
+        amplified = m[..., None] * self.rho[..., None, :]
+        weight, logdet = self.rho[..., None, :] / (1 + amplified), np.log1p(amplified).sum(-2)
+        return np.asarray(self._ratio(along**2 @ weight, sets.rest[:, None]) - 0.5 * logdet[..., None, :])
 
     def evidence(self, u: Floats, sets: DataSets) -> Floats:
         """Log evidence (b, n)."""

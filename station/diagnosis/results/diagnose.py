@@ -22,7 +22,7 @@ from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.held_out_gain import HeldOutGain, held_out_gain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.diagnosis.search.scoring import ScoringProblem
-from station.diagnosis.search.search_state import NullFactory
+from station.diagnosis.search.search_state import CauseSearch, LawAlone, NullFactory
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
@@ -112,7 +112,7 @@ def diagnose_reduced(
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
     input_checks.check_calibrated(problem.view)
     problem = with_model(problem, model)
-    searched = search_causes(problem, null_of)
+    searched = search_causes(problem, null_of, _law_alone)
     last, sized = estimate_causes(searched.last)
     floor = last.fit()
     causes = _causes(searched, last, floor, sized[len(problem.accepted) :])
@@ -129,6 +129,14 @@ def diagnose_reduced(
     )
     paying = [c.estimate.item for c in causes if c.estimate is not None and c.gain.accepted]
     return _with_doubts(_with_formulas(found, paying))
+
+
+def _law_alone(search: CauseSearch, cause_nats: float, kernel_nats: float) -> LawAlone | None:
+    """See `law_alone`."""
+    # A search over thousands of formulas is loaded only where one is needed.
+    from station.diagnosis.results.first_formula import law_alone
+
+    return law_alone(search, cause_nats, kernel_nats)
 
 
 def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:

@@ -15,15 +15,13 @@ from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import TermFit, TermSpace, accepted, candidate_of, constant_stds
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.results.estimate import Estimate, joint_coefficients
+from station.diagnosis.results.first_formula import SEED
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together, held_out_gain
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.formula.grammar import CONSTANTS
-
-#: Seed of the null distribution over the grammar.
-SEED = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +69,9 @@ def propose_formula(
 ) -> Hypotheses:
     """The formula for what a diagnosis leaves unexplained, or none where it takes more terms. last: the problem with
     every cause found; paying: those that gain on held-out data."""
+    known = None if paying or searched.law is None else searched.law.found
+    if isinstance(known, Discovery) and (known.terms or most_terms == 1):
+        return _accepted(known, data_hash(samples))
     assert searched.null is not None
     problem = only_with(last, len(searched.first.accepted), paying)
     alarm = AlarmOnRest(searched.null, searched.undetectable, searched.banks)

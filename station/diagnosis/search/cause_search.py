@@ -12,7 +12,7 @@ from station.diagnosis.search.form_check import compare_laws, compare_laws_with_
 from station.diagnosis.search.other_starts import best_of_starts
 from station.diagnosis.search.rank import RankedCause, leaders
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem
-from station.diagnosis.search.search_state import CauseSearch, NullFactory, SearchState
+from station.diagnosis.search.search_state import CauseSearch, LawAlone, LawFactory, NullFactory, SearchState
 from station.diagnosis.search.second_look import judged_again
 
 #: Causes and kernels looked for at most.
@@ -21,7 +21,8 @@ MAX_ROUNDS = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchResult:
-    """What was found, the problem with all of it known, and the stage at which nothing alarmed any more."""
+    """What was found, the problem with all of it known, and the stage at which nothing alarmed any more; law: the one
+    that was looked for before any cause."""
 
     first: ScoringProblem
     last: ScoringProblem
@@ -34,6 +35,7 @@ class SearchResult:
     banks: CandidateBanks
     null: NullDistribution | None = None
     other_forms: tuple[str, ...] = ()
+    law: LawAlone | None = None
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -55,10 +57,11 @@ class SearchResult:
         return self.rest, dict.fromkeys(causes, 0.0)
 
 
-def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult:
-    """Everything that can be found. null_of gives the null distribution for the first stage."""
+def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFactory | None = None) -> SearchResult:
+    """Everything that can be found. null_of gives the null distribution for the first stage, law_of a law that may
+    stand for all causes."""
     search = CauseSearch(problem, null_of)
-    found = _one_after_another(search)
+    found, law = _one_after_another(search, law_of)
     state = found[-1][1] if found else search.first
     statistics = [search.first.statistic, *(after.statistic for f, after in found if not f.words)]
     findings, state = judged_again(search, state, tuple(f for f, _ in found))
@@ -76,16 +79,22 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory) -> SearchResult
         search.banks,
         search.null,
         other_forms,
+        law,
     )
 
 
-def _one_after_another(search: CauseSearch) -> Chain:
-    """Causes, the best first, until nothing alarms; perhaps a kernel at the end."""
-    state, found, first = search.first, Chain(), dict[str, RankedCause]()
+def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[Chain, LawAlone | None]:
+    """Causes, the best first, until nothing alarms; perhaps a kernel at the end. The law that was looked for first, if
+    any was: where it is all there is, only the kernel."""
+    state, found, first, law = search.first, Chain(), dict[str, RankedCause](), None
     while state.alarms and len(found) < MAX_ROUNDS:
         ranks = search.ranks(state, [f.name for f, _ in found])
         first = first or ranks
         cause, kernel = leaders(ranks)
+        if not found and kernel is not None and law_of is not None:
+            law = law_of(search, 0.0 if cause is None else cause.evidence, kernel.evidence)
+            if law is not None and law.is_whole:
+                return [(unknown_finding(ranks, state.statistic), state)], law
         if cause is None or (kernel is not None and is_unknown(kernel.evidence, cause.evidence)):
             # Several causes at once may each explain less than a kernel that follows them all.
             several = chain(search, state, ranks, [f.name for f, _ in found])
@@ -98,7 +107,7 @@ def _one_after_another(search: CauseSearch) -> Chain:
         else:
             found += in_parts(search, state, ranks, cause, [f.name for f, _ in found])
         state = found[-1][1]
-    return best_of_starts(search, search.first, first, found)
+    return best_of_starts(search, search.first, first, found), law
 
 
 def _with_forms_checked(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,8 @@ from station.diagnosis.search.unseen import Unseen
 from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
+#: The law, if any, that may stand for everything, where the best cause and the best kernel explain so many nats.
+LawFactory = Callable[["CauseSearch", float, float], "LawAlone | None"]
 
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
@@ -52,6 +55,13 @@ class SearchState:
     def alarms(self) -> bool:
         """Whether anything is left to explain."""
         return self.statistic > self.threshold
+
+
+class LawAlone(NamedTuple):
+    """A law of no cause, as whoever looked for it found it, and whether it is all there is."""
+
+    found: object
+    is_whole: bool
 
 
 class CauseSearch:
