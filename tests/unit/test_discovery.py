@@ -107,8 +107,24 @@ def test_laws_that_agree_at_two_temperatures_are_one_only_if_they_agree_between(
     assert is_same_curve(one, other, scene) is same
 
 
+@pytest.mark.parametrize("power", [3, 1])
+def test_what_agrees_at_the_tilts_of_the_visits_and_differs_between_stays_in_the_set(power: int) -> None:
+    """At tilts of 45° a dead band is as good as a cube, however long its tree; a straight line has no other name."""
+
+    def of_own(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        added[:, 2] = w.a[:, 2] ** power * w.motor * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    table, _ = hide(recipe(), of_own, 38, d=24.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    (term,) = discover(problem, None, 1, lambda *_: 3.2).terms
+    families = [f.term.family for f in term.spellings]
+    assert families == ([("own-cubed", "motor"), ("own-dead-band", "motor")] if power == 3 else [("own", "motor")])
+
+
 def test_what_the_calibration_takes_up_is_no_part_of_a_curve() -> None:
-    scene = Scene(None, None, np.arange(2), np.arange(2.0), temperature_degC=np.array([20.0, 30.0]))  # type: ignore[arg-type]
+    scene = Scene(recipe(), None, np.arange(2), np.arange(2.0), temperature_degC=np.array([20.0, 30.0]))  # type: ignore[arg-type]
     signal = np.array([[-4.0, 4.0]])
     one, other, felt = (
         TermFit(Term(name, "temperature", ("z",), "common", (("about_degC", about),)), 0.5, 1, 1.0, 20.0, signal)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.diagnosis.discovery import chance
-from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families, simplest
+from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families, simplest, unparted
 from station.diagnosis.discovery.library import libraries
 from station.diagnosis.discovery.merge import TermPair
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
@@ -176,14 +176,14 @@ class _FormulaSearch:
         leader = fits[0]
         with_it = problem.with_accepted((*problem.accepted, accepted(leader, problem.view, name))).fit(floor).floor
         spaces, fairer = TermSpaces(problem, floor), TermSpaces(problem, with_it)
-        close = [f for f in fits if f.odds > leader.odds - REFINED_NATS]
+        close = [f for f in fits if f.odds > leader.odds - REFINED_NATS or f.evidence > leader.evidence - SET_NATS]
         again = [with_levels(refine(f.term, fairer.of(f.term)), fairer.of(f.term), self._levels) for f in close]
         again.sort(key=lambda f: -f.odds)
         best = simplest(again, problem.view.scene)
         score = best.score + fairer.of(best.term).space.profile - spaces.of(best.term).space.profile
         if score < self.threshold or (top < self.threshold and score < self.threshold + GROUP_NATS):
             return None
-        near = other_families([f for f in again if f.odds > best.odds - SET_NATS], best, problem.view.scene)
+        near = other_families(unparted(again, best, fairer), best, problem.view.scene)
         return FoundTerm(name, best, score, near)
 
     def merged(

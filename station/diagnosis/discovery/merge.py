@@ -9,7 +9,7 @@ one's family cannot be told from.
 
 from collections.abc import Sequence
 
-from station.diagnosis.discovery.equivalent_terms import SET_NATS, other_families
+from station.diagnosis.discovery.equivalent_terms import other_families, unparted
 from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, fit_term, refine, with_levels
 from station.diagnosis.search.scoring import ScoringProblem
 from station.model.formula.grammar import columns_of
@@ -57,7 +57,7 @@ class TermPair:
         former = [f.term for f in (*self._one, *self._two)]
         terms = {t.family: _on_axes_of(t, one.term) for t in former if t.family != one.term.family}
         fits = [with_levels(refine(t, self._spaces.of(t)), self._spaces.of(t), levels) for t in terms.values()]
-        return other_families([f for f in fits if f.odds > one.odds - SET_NATS], one, self.bare.view.scene)
+        return other_families(unparted(fits, one, self._spaces), one, self.bare.view.scene)
 
 
 def _on_axes_of(term: Term, like: Term) -> Term:
