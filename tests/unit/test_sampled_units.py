@@ -152,20 +152,38 @@ def test_partners_far_behind_in_a_sample_are_not_the_best(fleet: Any, monkeypatc
     monkeypatch.setattr(other_starts, "FLOOR_UNITS", 3)
     search: Any = SimpleNamespace(banks=CandidateBanks(fleet.view), undetectable=())
     at = score_bank(fleet, search.banks.of(fleet.view, ()), fleet.fit().floor)
+    ranks: dict[str, rank.RankedCause] = {}
+    first = walk_marginal.WalkMarginal(at, (), ())
+    rank.keep_best(ranks, first, first.without())
+    looked_at, score = list[Any](), other_starts.score_bank
+
+    def noted(problem: Any, banks: Any, floor: Any) -> Any:
+        looked_at.append([c for bank in banks for c in bank.candidates])
+        return score(problem, banks, floor)
+
+    monkeypatch.setattr(other_starts, "score_bank", noted)
     start = next(c for c in at.candidates if c.name == "index-error" and at.shows(c))
     cause = rank.RankedCause(start.name, 1.0, start, at)
-    kept = [c for bank in other_starts._partners(search, fleet, at.floor, 0.0) for c in bank.candidates]
-    value, names = other_starts._with_partner(search, fleet, cause, 0.0)
-    # Nothing explains so much: only what hits few units, which no sample tells, is looked at.
-    none = [c for bank in other_starts._partners(search, fleet, at.floor, 1e9) for c in bank.candidates]
+
+    def pair(found: Any, least: float) -> Any:
+        partner = other_starts._Partner(fleet, cause, found, ranks, least)
+        return other_starts._best_pair(cause, partner.evidence(search))
+
+    nothing: Any = SimpleNamespace(accepted=None)
+    value, names = pair(nothing, 0.0)
+    # Nothing explains so much.
+    assert pair(nothing, 1e9)[0] == -np.inf and len(looked_at) == 1
+    # The same columns as those of the cause that was found first are no other partner.
+    found = ranks["quadratic"].best
+    assert found is not None
+    pair(SimpleNamespace(accepted=SimpleNamespace(candidate=found)), 0.0)
+    assert not any((c.effect, c.of) == (found.effect, found.of) for c in looked_at[1])
     alone(monkeypatch)
-    whole, whole_names = other_starts._with_partner(search, fleet, cause, 1e9)
+    whole, whole_names = pair(nothing, 1e9)
     assert value == pytest.approx(whole, rel=1e-9)
     assert names == whole_names == ("index-error", "quadratic")
-    every = [c for bank in other_starts._partners(search, fleet, at.floor, 1e9) for c in bank.candidates]
-    scans = {c.name for c in every if c.pattern == "scan"}
-    assert {c.name for c in none} == scans < {c.name for c in kept} < {c.name for c in every}
-    assert not {c.name for c in every} & set(KERNEL_NAMES)
+    kept, _, every = ({c.name for c in some} for some in looked_at)
+    assert kept < every and not every & set(KERNEL_NAMES)
 
 
 def test_laws_far_behind_in_samples_are_not_looked_at_in_all_units(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:

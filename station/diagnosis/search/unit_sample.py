@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
+from station.diagnosis.linear import noise_floor
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.search.scoring import ScoredBank, ScoringSetting, score_under_floors
+from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, ScoringSetting, score_under_floors
 from station.domain.core.types import Floats
 
 #: A fleet has so many times as many units as a sample, at the least.
@@ -47,6 +48,12 @@ class UnitSample:
         there[candidate.code[self.stops]] = 1.0
         plain = candidate.plain and candidate.plain.select_visits(self.stops)
         return replace(candidate.select_visits(self.stops), plain=plain), hit * there
+
+    def fitted(self, problem: ScoringProblem, start: NoiseFloor) -> NoiseFloor:
+        """The floor that fits the sample of a problem best."""
+        rows, count = self.setting.readings(moving=False)
+        structure, known, least = self.setting.structure, self.setting.known, problem.view.min_variance
+        return noise_floor.fit(structure, known, rows, count, problem.upper, start, least).floor
 
     def scored(self, candidates: Sequence[Candidate], floors: Sequence[NoiseFloor]) -> tuple[ScoredBank, ...]:
         """Candidates of the whole fleet, as its sample shows them under each of some floors."""
