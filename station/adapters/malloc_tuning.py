@@ -30,6 +30,16 @@ def retain_all_memory() -> bool:
     return _set_malloc_options({_M_MMAP_MAX: 0, _M_TRIM_THRESHOLD: 1 << 30})
 
 
+def release_free_memory() -> bool:
+    """Gives the kernel back what lies free between arrays that are still held; False where the C library knows no such
+    thing.
+
+    What a table was read with leaves gaps that few later arrays fit: 70 MB after one of 400 units, a fifth of all.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    return trim is not None and bool(trim(0))
+
+
 def _set_malloc_options(settings: Mapping[int, int]) -> bool:
     change = getattr(ctypes.CDLL(None), "mallopt", None)
     return change is not None and all(change(name, value) for name, value in settings.items())

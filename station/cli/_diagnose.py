@@ -32,7 +32,7 @@ from station.errors import UsageError, naming_file
 from station.files.replace import replace_text
 from station.messages import Message, render, system_reason
 from station.model.model_file import Model
-from station.wiring.process_memory import retain_all_memory
+from station.wiring.process_memory import release_free_memory, retain_all_memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +87,7 @@ def _diagnosed(
     reduced = None if portions is None else reduce_portions(recipe, portions)
     step(Message("activity-searching"))
     if reduced is not None:
+        release_free_memory()
         inspected = reduced.inspection
         found = diagnose_reduced(reduced.recipe, inspected.samples, inspected, reduced.reduced, model, null_of)
         return reduced.preflight, found

@@ -1,5 +1,5 @@
 """How this process deals with memory that it frees."""
 
-from station.adapters.malloc_tuning import retain_all_memory, retain_freed_memory
+from station.adapters.malloc_tuning import release_free_memory, retain_all_memory, retain_freed_memory
 
-__all__ = ["retain_all_memory", "retain_freed_memory"]
+__all__ = ["release_free_memory", "retain_all_memory", "retain_freed_memory"]

@@ -66,6 +66,11 @@ def traced(call: Any) -> tuple[Any, int]:
         tracemalloc.stop()
 
 
+def test_levels_that_group_alike_hold_one_code(problem: Any) -> None:
+    codes = [c.code for c in all_candidates(problem.view)]
+    assert len({id(code) for code in codes}) == len({code.tobytes() for code in codes}) < len(codes) / 10
+
+
 def test_a_scored_bank_holds_no_row_of_its_space(problem: Any) -> None:
     floor, banks = problem.fit().floor, [bank.only([0]) for bank in build_banks(problem.view)]
     rows = problem.space(floor, moving=True).basis.nbytes

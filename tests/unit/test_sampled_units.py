@@ -155,11 +155,11 @@ def test_partners_far_behind_in_a_sample_are_not_the_best(fleet: Any, monkeypatc
     ranks: dict[str, rank.RankedCause] = {}
     first = walk_marginal.WalkMarginal(at, (), ())
     rank.keep_best(ranks, first, first.without())
-    looked_at, score = list[Any](), other_starts.score_bank
+    looked_at = list[Any]()
 
     def noted(problem: Any, banks: Any, floor: Any) -> Any:
         looked_at.append([c for bank in banks for c in bank.candidates])
-        return score(problem, banks, floor)
+        return score_bank(problem, banks, floor)
 
     monkeypatch.setattr(other_starts, "score_bank", noted)
     start = next(c for c in at.candidates if c.name == "index-error" and at.shows(c))

@@ -235,24 +235,31 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
-    """Products of two, three or four components of the true vector on every axis, some waves of its own, and what is
-    there at one end of an axis alone."""
+    """Whatever may follow the true vector."""
     a = resting_stimulus(view.scene, view.active)
-    a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
+    for columns in _functions_of_input(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)):
+        yield from kernels_at(view, "input", columns, "unit", "common")
+
+
+def _functions_of_input(a: Floats) -> Iterator[Floats]:
+    """Products of two, three or four components of the true vector on every axis, some waves of its own, and what is
+    there at one end of an axis alone; some columns after others, as a fleet's are large."""
     pairs = combinations_with_replacement(range(3), 2)
-    squares = each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in pairs], axis=1))
-    triple = each_axis(np.prod(a, axis=1)[:, None])
-    waves = [np.concatenate([own_axis(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2) for m in INPUT_WAVES]
+    yield each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in pairs], axis=1))
+    yield each_axis(np.prod(a, axis=1)[:, None])
+    yield _products_of_axes(a)[0]
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     # A gain by the size of the others, what an axis takes of the others by its own size or by theirs, products of two
     # squares.
     gains, taken = (a * one**2, a * two**2), (one * a**2, two * a**2)
     others = one**3, two**3, one * two**2, one**2 * two
     quartic = a**2 * one**2, a**2 * two**2, one**2 * two**2
-    forms = [np.concatenate([own_axis(x) for x in some], axis=2) for some in (gains, taken, others, quartic)]
-    ends = [each_axis(1.0 * (end * a[:, [i]] > END_SHARE)) for i in range(3) for end in (-1, 1)]
-    for columns in (squares, triple, _products_of_axes(a)[0], *forms, *waves, *ends):
-        yield from kernels_at(view, "input", columns, "unit", "common")
+    for some in (gains, taken, others, quartic):
+        yield np.concatenate([own_axis(x) for x in some], axis=2)
+    for m in INPUT_WAVES:
+        yield np.concatenate([own_axis(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2)
+    for i in range(3):
+        yield from (each_axis(1.0 * (end * a[:, [i]] > END_SHARE)) for end in (-1, 1))
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:

@@ -1,6 +1,10 @@
 """Every cause and kernel that some stops could show, made anew only where the simulation has changed."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from station.diagnosis.candidates import kernels as generic
 from station.diagnosis.candidates.bank import (
@@ -36,6 +40,9 @@ def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
     effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
     items = [c for e in effects for c in candidates(e, view)]
     items = [*items, *generic.kernel_candidates(view), *generic.disturbed_readings(view)]
+    # Levels that group alike have one code: of a fleet's hundreds, and each as long as its visits.
+    codes = dict[bytes, NDArray[np.int32]]()
+    items = [replace(c, code=codes.setdefault(c.code.tobytes(), c.code)) for c in items]
     return tuple(c for c in items if not says_nothing(c, view))
 
 
