@@ -25,7 +25,7 @@ from diagnosis_rows.ties import Parted, Tied, proposed, tied
 
 from station.diagnosis.planning.measured import measured_campaign
 from station.diagnosis.planning.next_run import ties_of
-from station.diagnosis.planning.proposal import rated_runs
+from station.diagnosis.planning.proposal import promised, rated_runs
 from station.diagnosis.search.null_simulation import NULL_SETS
 from station.domain.recipe.recipe import Recipe
 from station.reporting.drawing.figure import Figure as Picture
@@ -66,10 +66,11 @@ def measure(seed: int, sets: int) -> Iterator[tuple[Parted, Parted | None]]:
 
 
 def of_the_menu(first: Tied, wanted: float) -> Parted | None:
-    """The run of the menu whose promise is nearest to a chance; None where none promises anything."""
-    ties = ties_of(first.found)
-    rated = [p for p in rated_runs(measured_campaign(first.found), ties) if p.certainty > 0.01] if ties else []
-    return first.after(min(rated, key=lambda p: abs(p.certainty - wanted))) if rated else None
+    """The run of the menu whose bound is nearest to a chance; None where none promises anything."""
+    ties, campaign = ties_of(first.found), measured_campaign(first.found)
+    rated = [p for p in rated_runs(campaign, ties) if p.certainty > 0.01] if ties else []
+    nearest = min(rated, key=lambda p: abs(p.certainty - wanted), default=None)
+    return None if nearest is None else first.after(promised(campaign, nearest, ties))
 
 
 def figures(ties: Sequence[tuple[Parted, Parted | None]]) -> list[Figure]:
@@ -153,10 +154,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--sets", type=int, default=100, help="data sets in which a cause is hidden")
+    parser.add_argument("--null-sets", type=int, default=NULL_SETS, help="null sets of each kind of campaign")
     parser.add_argument("--ties", type=Path, help="file that keeps the ties")
     parser.add_argument("--picture", type=Path, help="SVG file for the diagram")
     requested = parser.parse_args()
-    inspection.SETS = NULL_SETS
+    inspection.SETS = requested.null_sets
     begun = time.process_time()
     ties = stored(requested.ties) if requested.ties else []
     for tie in measure(requested.seed, requested.sets):

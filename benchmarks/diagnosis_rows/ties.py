@@ -127,8 +127,10 @@ class Taped:
         return value
 
     def amplitude(self, typical: float, shape: tuple[int, ...]) -> Array:
-        """Coefficients."""
-        return self._next(None if self.again else self.of.amplitude(typical, shape))
+        """Coefficients; of groups that come new, such as positions, new ones."""
+        kept = self._next(None if self.again else self.of.amplitude(typical, shape))
+        missing = shape[0] - len(kept)
+        return kept if missing <= 0 else np.concatenate([kept, self.of.amplitude(typical, (missing, *shape[1:]))])
 
     def uniform(self, low: float, high: float) -> float:
         """A shape."""

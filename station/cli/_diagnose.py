@@ -17,7 +17,7 @@ from station.diagnosis.data import family, preflight
 from station.diagnosis.data.portions import reduce_portions
 from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.planning.next_run import next_run
-from station.diagnosis.planning.proposal import SECOND_NEST, Proposal
+from station.diagnosis.planning.proposal import Proposal
 from station.diagnosis.results import line_impact
 from station.diagnosis.results.diagnose import Diagnosis, diagnose, diagnose_reduced
 from station.diagnosis.results.diagnosis_document import document
@@ -170,12 +170,20 @@ def _heading(name: str, proposal: Proposal) -> str:
     lines = [
         f"{name} with {proposal.change}: {proposal.minutes:.1f} minutes more.",
         f"It separates {', '.join(proposal.separates)}; chance that a single cause is left: {proposal.certainty:.0%},",
-        "predicted from the size and the noise found. The runs measured before need not be measured again: diagnose",
+        f"{_told_by(proposal)}. The runs measured before need not be measured again: diagnose",
         "their samples together with those of the new run, `run` counted on.",
     ]
-    if SECOND_NEST in proposal.change:
-        lines.append("Put each unit into the next nest for the new run.")
+    if proposal.next_nest:
+        lines.append("Put each unit into the next nest for each new run.")
     return "".join(f"# {line}\n" for line in lines)
+
+
+def _told_by(proposal: Proposal) -> str:
+    """What the chance comes from."""
+    if proposal.chance is None:
+        return "predicted from the size and the noise found"
+    low, high = proposal.chance.interval
+    return f"as in {proposal.chance.sets} simulated diagnoses (95 %: {low:.0%} to {high:.0%})"
 
 
 def _write_text(path: Path, option: str, text: str) -> None:
@@ -230,12 +238,20 @@ def _print_diagnosis(findings: Mapping[str, Any]) -> None:
         run = findings["next_run"]
         _output.print_line(
             f"next: {run['recipe_change']}, {run['minutes']} minutes, to separate {', '.join(run['separates'])}; "
-            f"chance that a single cause is left: {run['certainty']:.0%}"
+            f"chance that a single cause is left: {run['certainty']:.0%}{_interval_text(run)}"
             if run["separates"]
             else f"next: {run['recipe_change'] or render(Message('next-none'))}"
         )
     if findings["not_testable"]:
         _output.print_line(f"not testable with these data: {', '.join(findings['not_testable'])}")
+
+
+def _interval_text(run: Mapping[str, Any]) -> str:
+    """The interval of a simulated chance."""
+    if run["certainty_interval"] is None:
+        return ""
+    low, high = run["certainty_interval"]
+    return f" ({low:.0%} to {high:.0%}, {run['simulated_diagnoses']} simulated diagnoses)"
 
 
 def _gain_text(gain: dict[str, Any], unit: str) -> str:

@@ -190,6 +190,13 @@ def test_what_cannot_be_told_apart_is_never_named_as_if_certain() -> None:
     left = {**run, "certainty": 0.004, "leaves": ["asymmetry", "quadratic"]}
     (words,) = section(build_page(some_data("named", [cause], next_run=left)), "next-run").text
     assert "named then: 0 %. asymmetry, quadratic may stay tied. What would tell them apart: tilts between" in words
+    by_sets = {**run, "certainty": 0.61, "certainty_interval": [0.512, 0.701], "simulated_diagnoses": 96}
+    (words,) = section(build_page(some_data("named", [cause], next_run=by_sets)), "next-run").text
+    assert (
+        "named then: 61 %. So many of 96 simulated diagnoses of it named the right one alone (95 %: 51 to 71 %)"
+        in words
+    )
+    assert words.endswith("No further run that the station knows of makes that likelier.")
     assert "If it is warm-up: " in alone.do
     assert ". If it is clamp-creep: " in alone.do
 

@@ -11,7 +11,9 @@ from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
-from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, propose, run_menu
+from station.diagnosis.planning.proposal import propose
+from station.diagnosis.planning.run_menu import run_menu
+from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie
 from station.domain.core.types import SampleTable
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
@@ -81,6 +83,20 @@ def test_a_slow_run_is_as_much_more_certain_as_it_is_longer() -> None:
     plan = with_one_more(campaign, "one run slow")
     count, run = plan.problem.view.reduced.count.sum(1), plan.problem.view.scene.visits.run
     assert count[run == 1].mean() / count[run == 0].mean() == pytest.approx(10.0, rel=0.02)
+
+
+def test_faces_alone_are_gone_on_with_by_tilts_half_way_between_them() -> None:
+    campaign, _ = once_measured(units=1)
+    menu = dict(run_menu(campaign, PlannedRuns.measured(campaign.recipe)))
+    recipe = menu["one run with 12 tilts between the faces"].recipe
+    felt = np.array([recipe.true_vector(p) for p in recipe.positions[6:]])
+    strength = recipe.reference.strength()
+    assert np.sort(np.abs(felt), axis=1) == pytest.approx(np.tile([0, 1, 1], (12, 1)) * strength / np.sqrt(2), abs=1e-9)
+    assert len(np.unique(np.round(felt, 6), axis=0)) == 12
+    # Six points are faces; the longer recipe must run.
+    assert recipe.method == "n-point"
+    longer = replace(campaign, recipe=recipe)
+    assert not any("tilts" in text for text, _ in run_menu(longer, PlannedRuns.measured(recipe)))
 
 
 def test_a_plan_reads_the_thermometer_as_badly_as_it_was_read() -> None:

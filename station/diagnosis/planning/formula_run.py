@@ -14,9 +14,8 @@ from station.diagnosis.planning.proposal import (
     SUFFICIENT_CERTAINTY,
     Proposal,
     best_proposal,
-    minutes_of,
-    run_menu,
 )
+from station.diagnosis.planning.run_menu import minutes_of, run_menu
 from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.search.distinguishability import SignatureAxes, distinct_share
 from station.domain.recipe.blocks import Run

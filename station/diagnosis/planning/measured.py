@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from station.diagnosis.data.reduce import visit_means
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.bench import bench_of
@@ -16,7 +17,7 @@ from station.diagnosis.planning.plan import (
     simulated_runs,
 )
 from station.diagnosis.results.diagnose import Diagnosis
-from station.domain.core.types import Array, Labels, SampleTable
+from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
 from station.model.simulated_line import SimulatedLine
@@ -30,7 +31,10 @@ AWAY_S = 60.0
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredCampaign:
     """What was measured: the recipe, how many units through how many nests, the floor found, the bench, and samples of
-    the runs, a few a second; None where they are not one pass of each of the recipe's runs."""
+    the runs, a few a second; None where they are not one pass of each of the recipe's runs.
+
+    spread (3, 3): covariance of the floor's variances; alone: whether the tied causes are all that is in the readings.
+    """
 
     recipe: Recipe
     units: int
@@ -38,6 +42,13 @@ class MeasuredCampaign:
     floor: NoiseFloor
     bench: SimulatedLine = field(default_factory=SimulatedLine)
     samples: SampleTable | None = None
+    spread: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    alone: bool = True
+
+    @property
+    def known_runs(self) -> int:
+        """How many runs are measured whose readings show one cause of a tie and nothing else."""
+        return len(self.recipe.runs) if self.samples is not None and self.alone else 0
 
     @property
     def line(self) -> SimulatedLine:
@@ -66,12 +77,14 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     units = min(len(d.samples.units), MAX_PLANNED_UNITS)
     # Scatter that is tied with a cause is none where the cause is true.
     tied = any(c.estimate is None and c.finding.indistinguishable_from for c in d.causes)
-    floor = d.search_result.first.fit().floor if tied else d.floor.floor
-    return MeasuredCampaign(d.recipe, units, nests, floor, bench_of(d.last.view.scene), _few_samples(d))
+    fitted = d.search_result.first.fit() if tied else d.floor
+    alone = len(d.causes) == 1 and not d.search_result.first.accepted
+    bench = bench_of(d.last.view.scene)
+    return MeasuredCampaign(d.recipe, units, nests, fitted.floor, bench, _few_samples(d), fitted.covariance, alone)
 
 
 def _few_samples(d: Diagnosis) -> SampleTable | None:
-    """Samples of the first units, a few a second."""
+    """Means of the samples of the first units, a few a second."""
     table = next(iter(d.inspection.samples.portions()))
     table = table[table.unit.code < MAX_PLANNED_UNITS].used()
     begins = np.flatnonzero(_visit_begins(table))
@@ -82,7 +95,13 @@ def _few_samples(d: Diagnosis) -> SampleTable | None:
         return None
     within = np.arange(len(table)) - np.repeat(begins, np.diff(np.append(begins, len(table))))
     step_s = float(np.median(np.diff(table.time_s)[np.diff(within) > 0])) if len(table) > len(begins) else 1.0
-    return table[within % max(round(1 / max(step_s * PLANNING_RATE_HZ, 1e-9)), 1) == 0]
+    together = max(round(1 / max(step_s * PLANNING_RATE_HZ, 1e-9)), 1)
+    if together == 1:
+        return table
+    # Means say of slow causes what all samples do.
+    first = within % together == 0
+    means = visit_means(table, np.cumsum(first) - 1)
+    return replace(means, values={name: v[first] for name, v in table.values.items()} | dict(means.values))
 
 
 def _visit_begins(table: SampleTable) -> Array:

@@ -6,7 +6,8 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import FLOOR_CAUSES
 from station.diagnosis.planning.measured import measured_campaign
-from station.diagnosis.planning.proposal import CauseHypothesis, CauseTie, Proposal, propose
+from station.diagnosis.planning.proposal import Proposal, propose
+from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie
 from station.diagnosis.results.diagnose import Cause, Diagnosis
 from station.diagnosis.search.distinguishability import estimate_signal
 from station.diagnosis.search.scoring import score_bank
@@ -53,16 +54,19 @@ def _formula_run(d: Diagnosis) -> tuple[dict[str, Any] | None, Proposal | None]:
 
 def _without_run(change: str) -> dict[str, Any]:
     """What would help where no run does."""
-    return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.0}
+    return {"recipe_change": change, "separates": [], "minutes": 0.0, "certainty": 0.0, "certainty_interval": None}
 
 
 def _document(found: Proposal) -> dict[str, Any]:
+    chance = found.chance
     return {
         "recipe_change": found.change,
         "separates": list(found.separates),
         "minutes": round(found.minutes, 1),
         "leaves": list(found.leaves),
         "certainty": found.certainty,
+        "certainty_interval": None if chance is None else list(chance.interval),
+        "simulated_diagnoses": 0 if chance is None else chance.sets,
     }
 
 

@@ -20,7 +20,7 @@ from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.joined_tables import join
 from station.domain.core.types import SampleTable
 from station.domain.recipe.blocks import DwellRule, Run
-from station.domain.recipe.position import Turn
+from station.domain.recipe.position import Position, Turn
 from station.domain.recipe.recipe import Recipe
 from station.errors import RecipeError
 from station.model.effect import Effect
@@ -40,15 +40,16 @@ DETECTABLE_D = 3.93
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedCampaign:
-    """A campaign that was not measured, and the space of the floor it would have."""
+    """A campaign that was not measured, the floor it would have, and the space of that."""
 
     problem: ScoringProblem
+    floor: NoiseFloor
     space: ResidualSpace
 
     @staticmethod
     def of(problem: ScoringProblem, floor: NoiseFloor) -> "PlannedCampaign":
         """The campaign under a floor."""
-        return PlannedCampaign(problem, problem.space(floor, moving=True))
+        return PlannedCampaign(problem, floor, problem.space(floor, moving=True))
 
     def axes(self, candidate: Candidate) -> SignatureAxes:
         """What a candidate could move."""
@@ -99,9 +100,16 @@ class PlannedRuns:
         """All runs as the recipe dwells."""
         return PlannedRuns(recipe, (recipe.dwell,) * len(recipe.runs))
 
-    def followed_by(self, run: Run, seats: Mapping[str, Turn], dwell: DwellRule) -> "PlannedRuns":
-        """With one more run; the recipe then dwells as that run does. Errors: RecipeError where it cannot be added."""
+    def followed_by(
+        self, run: Run, seats: Mapping[str, Turn], dwell: DwellRule, more: Sequence[Position] = ()
+    ) -> "PlannedRuns":
+        """With one more run, and perhaps more positions; the recipe then dwells as that run does. Errors: RecipeError
+        where it cannot be added."""
         longer = self.recipe.model_dump(by_alias=True)
+        if more:
+            longer["positions"] = [p.model_dump() for p in (*self.recipe.positions, *more)]
+            # Six points are the faces and nothing else.
+            longer["method"] = "n-point" if self.recipe.method == "six-point" else self.recipe.method
         longer["runs"] = [*(r.model_dump() for r in self.recipe.runs), run.model_dump()]
         longer["seatings"] = {k: v.model_dump() for k, v in {**seats, **self.recipe.seatings}.items()}
         longer["dwell"] = dwell.model_dump()
@@ -137,9 +145,12 @@ def planned_problem(recipe: Recipe, parts: Sequence[SampleTable]) -> ScoringProb
     dwell_s = (table.time_s[last] - table.time_s[first]) * samples / np.maximum(samples - 1, 1)
     share = dwell_s / samples * samples.sum() / max(float(dwell_s.sum()), 1e-300) if np.all(samples > 1) else 1.0
     # The time of a visit says all: how much its samples scatter goes with their rate.
+    share = np.broadcast_to(share, samples.shape)
     reduced = replace(
         reduced,
-        count=reduced.count * np.broadcast_to(share, samples.shape)[:, None],
+        count=reduced.count * share[:, None],
+        contrast=reduced.contrast * np.sqrt(share)[:, None, None],
+        sigma=reduced.sigma * float(np.sqrt(np.mean(reduced.excess.mean(1) * share))),
         excess=np.ones_like(reduced.excess),
         axis_excess=np.ones_like(reduced.axis_excess),
     )

@@ -9,7 +9,7 @@ says.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import erf, inf, prod, sqrt
 
 from station.diagnosis.search.distinguishability import SEPARATION_95
@@ -54,16 +54,17 @@ class TiedCauses:
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """d·√κ of each of the causes of some ties, were it the true one, against each other of its tie."""
+    """d·√κ of each of the causes of some ties, were it the true one, against each other of its tie; simulated: of pairs
+    in the order of their names the share of simulated diagnoses that part them where one of them is true."""
 
     ties: tuple[TiedCauses, ...]
     apart: Mapping[TrueAndOther, float]
+    simulated: Mapping[TrueAndOther, float] = field(default_factory=dict)
 
     @property
     def separates(self) -> tuple[str, ...]:
-        """The causes found and those likely to be parted from them, whichever is true; where none is, what is parted
-        at all."""
-        parted = [(a, b) for a, b in self._pairs() if min(self.apart[a, b], self.apart[b, a]) > SEPARATION_95]
+        """The causes found and those likely to be parted from them; where none is, what is parted at all."""
+        parted = [pair for pair in self._pairs() if self._chance_of_pair(*pair) > 0.5]
         heads = {tie.names[0] for tie in self.ties}
         named = [pair for pair in parted if set(pair) & heads]
         return tuple(dict.fromkeys(name for pair in named or parted for name in pair))
@@ -87,6 +88,8 @@ class Promise:
 
     def _chance_of_pair(self, one: str, other: str) -> float:
         """Chance that two causes are parted if one of them is the true one."""
+        if (one, other) in self.simulated:
+            return self.simulated[one, other]
         tie = next(tie for tie in self.ties if one in tie.names and other in tie.names)
         weights = [max(tie.likely[tie.names.index(name)], 1e-300) for name in (one, other)]
         chances = [tie.chance_parted(self.apart[pair]) for pair in ((one, other), (other, one))]

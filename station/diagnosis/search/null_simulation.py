@@ -124,7 +124,7 @@ class SinglePrecisionBank:
     def scores(self, drawn: Sequence[NullNoise], orders: Array | None) -> tuple[Floats, Floats]:
         """Log evidence (n, candidates) and log-likelihood (n) without any, of noise that is whitened as the space
         does; orders (copies, n) of the sets."""
-        data = np.concatenate([self._whitened(*one) for one in drawn])
+        data = np.concatenate([self.whitened(one) for one in drawn])
         sets = DataSets.of(self.space, data)
         total = sets.sum_over_copies(orders)
         found = []
@@ -145,8 +145,9 @@ class SinglePrecisionBank:
             else:
                 yield next(dense)
 
-    def _whitened(self, noise: Array, visits: Array) -> Array:
+    def whitened(self, drawn: NullNoise) -> Array:
         """White noise (n, U, ·) of a true floor as the space whitens it."""
+        noise, visits = drawn
         m, space, n = self.runs.rows, self.space, len(noise)
         U, R = self.runs.member.shape
         stops = self.runs.whiten(visits)

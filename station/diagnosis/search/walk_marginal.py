@@ -63,11 +63,15 @@ class WalkMarginal:
 
     def scores(self, scores: Sequence[Scores]) -> dict[str, Floats]:
         """Log evidence (n) of each cause, from the scores of each stage."""
+        return evidence_by_cause(self.candidates, self.candidate_scores(scores))
+
+    def candidate_scores(self, scores: Sequence[Scores]) -> Floats:
+        """The same of each candidate (n, candidates)."""
         evidence = scores[0].evidence.copy()
         if self.slow:
             with_it, without = self._averaged(scores[1:])
             evidence[:, list(self.slow)] = with_it - without[:, self.walk_stages[0].space_index]
-        return evidence_by_cause(self.candidates, evidence)
+        return evidence
 
     def totals(self) -> Floats:
         """Log-likelihood of the readings with each candidate (candidates), averaged over amplitudes and walks."""

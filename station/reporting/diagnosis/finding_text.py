@@ -13,6 +13,8 @@ from station.reporting.diagnosis.quantity_format import display_unit, format_sig
 from station.reporting.diagnosis.sentences import report_text
 
 CauseDocument = Mapping[str, Any]
+#: A next run that promises less may leave causes tied.
+LIKELY = 0.9
 
 #: Verdict → symbol and message of its badge.
 BADGES = {
@@ -185,13 +187,24 @@ def next_run_sentence(data: ReportData) -> str:
     if not separates:
         return report_text("next-other", change=change) if change else report_text("next-none")
     parts = [report_text("next-run", change=change, minutes=format_significant(run["minutes"], 2), names=separates)]
-    certainty = run.get("certainty")
-    if certainty is not None:
-        parts.append(report_text("next-certainty", percent=math.floor(100 * certainty)))
+    parts += _chance_sentences(run)
     if run.get("leaves"):
         parts.append(report_text("next-leaves", names=run["leaves"]))
         parts += [report_text("next-beyond", change=text) for text in dict.fromkeys(tie_breakers(run["leaves"]))]
     return " ".join(parts)
+
+
+def _chance_sentences(run: Mapping[str, Any]) -> Iterator[str]:
+    """What a next run promises, how that is known, and that nothing promises more where it is little."""
+    certainty, interval = run.get("certainty"), run.get("certainty_interval")
+    if certainty is None:
+        return
+    yield report_text("next-certainty", percent=math.floor(100 * certainty))
+    if interval is not None:
+        low, high = math.floor(100 * interval[0]), math.ceil(100 * interval[1])
+        yield report_text("next-simulated", sets=run["simulated_diagnoses"], low=low, high=high)
+        if certainty < LIKELY:
+            yield report_text("next-limit")
 
 
 def _ellipsis(names: Sequence[str]) -> str:

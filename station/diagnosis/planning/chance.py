@@ -1,0 +1,104 @@
+"""The chance that a plan leaves the right cause alone: the share of simulated diagnoses of it that do."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from station.diagnosis.planning.measured import MeasuredCampaign
+from station.diagnosis.planning.next_readings import NextReadings
+from station.diagnosis.planning.plan import PlannedRuns
+from station.diagnosis.planning.promise import TrueAndOther
+from station.diagnosis.planning.simulated_diagnosis import SimulatedDiagnosis
+from station.diagnosis.planning.suspects import Suspects, suspect_candidate, usual_shapes
+from station.diagnosis.search.null_simulation import NullNoise
+from station.domain.core.types import Array, Floats
+
+#: Sets by which a plan is chosen, and others by which its chance is told; sets that share one floor.
+CHOOSING_SETS, PROMISED_SETS, SETS_OF_A_FLOOR = 64, 96, 8
+#: 97.5 % quantile of the normal distribution.
+Z95 = 1.96
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedChance:
+    """In how many of so many simulated diagnoses the right cause is left alone."""
+
+    right: int
+    sets: int
+
+    @property
+    def share(self) -> float:
+        """The chance."""
+        return self.right / self.sets
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
+        n, p, z2 = self.sets, self.share, Z95**2
+        middle, half = p + z2 / (2 * n), Z95 * float(np.sqrt(p * (1 - p) / n + z2 / (4 * n * n)))
+        low, high = (middle - half) / (1 + z2 / n), (middle + half) / (1 + z2 / n)
+        # No rounding takes a share of none or all out of its own interval.
+        return min(max(low, 0.0), p), max(min(high, 1.0), p)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedPlan:
+    """chosen_by: the chance by which a plan is chosen; promised: that of other sets; parted: of pairs of causes in the
+    order of their names, the share of sets that part them where one of them is true."""
+
+    chosen_by: SimulatedChance
+    promised: SimulatedChance
+    parted: Mapping[TrueAndOther, float]
+
+
+def simulated_plan(campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequence[Suspects]) -> SimulatedPlan:
+    """What simulated diagnoses of a longer campaign say; a cause of a tie is true in as many sets as it is likely."""
+    plan, rng = campaign.gone_on(runs), np.random.default_rng(1)
+    names = tuple(dict.fromkeys(name for suspects in lines_up for name in suspects.members))
+    shapes = {name: usual_shapes(plan, name) for name in names}
+    diagnosis = SimulatedDiagnosis(plan, shapes)
+    scale = np.array([plan.floor.variances[0] / campaign.floor.variances[0], 1.0, 1.0])
+    readings = NextReadings(plan.problem, plan.floor, campaign.spread * np.outer(scale, scale), campaign.known_runs)
+    right = np.ones(CHOOSING_SETS + PROMISED_SETS, bool)
+    pairs: dict[TrueAndOther, list[Array]] = {}
+    for suspects in lines_up:
+        causes = zip(suspects.tie.names, suspects.tie.likely, suspects.causes, strict=True)
+        likely = [(name, p * one.share, one) for name, p, shaped in causes for one in shaped]
+        counts = shared_out(np.array([p for _, p, _ in likely]), len(right))
+        drawn = list[NullNoise]()
+        for (name, _, one), count in zip(likely, counts, strict=True):
+            candidate = suspect_candidate(plan, one, shapes[name])
+            for first in range(0, int(count), SETS_OF_A_FLOOR):
+                together = min(SETS_OF_A_FLOOR, int(count) - first)
+                drawn.append(readings.sets(candidate.plain or candidate, one.size, together, rng))
+        found, ends, judged = [], np.cumsum(counts), diagnosis.judged(drawn)
+        for (name, _, _), count, end in zip(likely, counts, ends, strict=True):
+            mine = judged.of_rows(slice(int(end - count), int(end)))
+            alone = diagnosis.names_right(name, mine)
+            for other in names if count else ():
+                if other != name:
+                    parted = diagnosis.parts(name, other, mine)
+                    pairs.setdefault((min(name, other), max(name, other)), []).append(parted)
+                    alone &= parted
+            found.append(alone)
+        one_tie = np.concatenate(found)
+        # Which set of one tie goes with which of another is chance; of a single one the order is kept.
+        right &= one_tie if suspects is lines_up[0] else rng.permutation(one_tie)
+    # Of each cause the same share of its sets is chosen by.
+    ordinal = np.arange(len(right) + 1) * CHOOSING_SETS // len(right)
+    chosen, promised = right[np.diff(ordinal) > 0], right[np.diff(ordinal) == 0]
+    return SimulatedPlan(
+        SimulatedChance(int(chosen.sum()), len(chosen)),
+        SimulatedChance(int(promised.sum()), len(promised)),
+        {pair: float(np.mean(np.concatenate(each))) for pair, each in pairs.items()},
+    )
+
+
+def shared_out(weights: Floats, count: int) -> Array:
+    """How many of a count each has by its weight, to the next whole number."""
+    exact = count * weights / weights.sum()
+    whole: Array = np.floor(exact).astype(int)
+    most = np.argsort(whole - exact, kind="stable")[: count - int(whole.sum())]
+    whole[most] += 1
+    return whole

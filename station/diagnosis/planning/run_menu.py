@@ -1,0 +1,92 @@
+"""The runs that a plan chooses from: one more of each kind, and how long it takes."""
+
+from collections.abc import Iterator
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from station.diagnosis.planning.measured import MeasuredCampaign
+from station.diagnosis.planning.plan import PlannedRuns
+from station.domain.recipe.blocks import DwellRule, Run
+from station.domain.recipe.position import Position, Turn
+from station.domain.recipe.recipe import Recipe
+from station.model.simulated_line import SimulatedLine
+from station.model.timeline import run_timeline
+
+#: How much longer a slow run dwells, and at most for how long, s.
+SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
+#: What an axis feels on a face is none or all of the stimulus, to this share.
+FACE_TOLERANCE = 0.02
+SECOND_NEST = "once more in the next nest"
+
+
+def minutes_of(runs: PlannedRuns) -> float:
+    """How long the last run takes, the unit's change and warming included."""
+    last = run_timeline(runs.recipe, len(runs.recipe.runs) - 1)
+    return (last.duration_s + last.prewarm_s + SimulatedLine().changeover_s) / 60
+
+
+def run_menu(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str, PlannedRuns]]:
+    """The campaign with one more run of each kind, the quickest to set up first."""
+    turned, flipped = Turn(axis=(0, 0, 1), angle_deg=180), Turn(axis=(1, 0, 0), angle_deg=180)
+    kinds: list[tuple[str, dict[str, Any], dict[str, Turn], bool]] = [
+        *([(SECOND_NEST, {}, {}, False)] if campaign.nests > 1 else []),
+        ("motors off", {"motors": "off"}, {}, False),
+        ("reversed order", {"order": "reversed"}, {}, False),
+        ("turned 180° in the seat", {"seating": "turned"}, {"turned": turned}, False),
+        ("flipped 180° in the seat", {"seating": "flipped"}, {"flipped": flipped}, False),
+        ("10 °C warmer", {"temperature_offset_degC": 10}, {}, False),
+        ("reversed and 10 °C warmer", {"order": "reversed", "temperature_offset_degC": 10}, {}, False),
+        ("slow", {"order": "reversed"}, {}, True),
+        ("slow and 10 °C warmer", {"order": "reversed", "temperature_offset_degC": 10}, {}, True),
+        ("warmed up for ten minutes", {"prewarm_s": 600}, {}, False),
+        ("flipped and warmed up", {"seating": "flipped", "prewarm_s": 600}, {"flipped": flipped}, False),
+        (
+            "turned, reversed, 10 °C warmer and warmed up",
+            {"seating": "turned", "order": "reversed", "temperature_offset_degC": 10, "prewarm_s": 600},
+            {"turned": turned},
+            False,
+        ),
+        ("slow, flipped and warmed up", {"seating": "flipped", "prewarm_s": 600}, {"flipped": flipped}, True),
+        (
+            "slow, flipped, 10 °C warmer and warmed up",
+            {"seating": "flipped", "prewarm_s": 600, "temperature_offset_degC": 10},
+            {"flipped": flipped},
+            True,
+        ),
+    ]
+    for text, run, seats, slow in kinds:
+        # A recipe has one dwell: what follows a slow run is slow too.
+        dwell = _slow(now.dwells[0]) if slow else now.dwells[-1]
+        if slow and dwell == now.dwells[-1]:
+            continue
+        words = f"one run {text}" + (f" (dwells of {dwell.time_s:g} s)" if slow else "")
+        yield words, now.followed_by(Run(**run), seats, dwell)
+    if tilts := _tilts_between_faces(now.recipe):
+        yield f"one run with {len(tilts)} tilts between the faces", now.followed_by(Run(), {}, now.dwells[-1], tilts)
+
+
+def _slow(rule: DwellRule) -> DwellRule:
+    """A dwell that is so much longer; an adaptive one stays."""
+    if rule.time_s is None or rule.time_s >= SLOWEST_DWELL_S:
+        return rule
+    return DwellRule(time_s=min(SLOW_FACTOR * rule.time_s, SLOWEST_DWELL_S))
+
+
+def _tilts_between_faces(recipe: Recipe) -> tuple[Position, ...]:
+    """The twelve positions half-way between two faces, where an axis feels nothing between none and all of the stimulus
+    in any position of a recipe; else none. What bends by the size of the input and by its square part only there."""
+    felt = np.array([p.matrix()[2] for p in recipe.positions])
+    if not len(felt) or np.any(np.abs(felt * (1 - np.abs(felt))) > FACE_TOLERANCE):
+        return ()
+    found = []
+    for first, second in combinations(range(3), 2):
+        for signs in product((1, -1), repeat=2):
+            up = np.zeros(3)
+            up[[first, second]] = signs
+            faces = (f"{'xyz'[i]}-{'up' if up[i] > 0 else 'down'}" for i in (first, second))
+            # About the horizontal that is square to it, until it points up.
+            turn = Turn(axis=(up[1], -up[0], 0.0), angle_deg=float(np.degrees(np.arccos(up[2] / np.sqrt(2)))))
+            found.append(Position(name="-".join(faces), rotate=(turn,)))
+    return tuple(found)

@@ -1,0 +1,152 @@
+"""The causes of a tie as a plan sees them: each at the shapes at which it would look like the data so far."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
+from station.diagnosis.candidates.shape import with_form
+from station.diagnosis.planning.measured import MeasuredCampaign
+from station.diagnosis.planning.plan import RARE_LEVELS, PlannedCampaign, PlannedRuns
+from station.diagnosis.planning.promise import TiedCauses
+from station.diagnosis.search.distinguishability import SignatureAxes, distinct_share
+from station.model.effect import Effect
+
+#: Shapes at which a cause may be true that are planned for, and the odds to the likeliest below which one is not.
+MOST_SHAPES, LEAST_ODDS = 4, 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class CauseHypothesis:
+    """A cause that it may be: at its shape, its level and the rms of its coefficients; its share of the chance that it
+    is the cause at all, the rest being other shapes of it."""
+
+    effect: Effect
+    of: str
+    size: float
+    share: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class CauseTie:
+    """A found cause of strength d with the causes it cannot be told from; probability of each by id, all alike where
+    none is given."""
+
+    found: CauseHypothesis
+    others: tuple[str, ...]
+    d: float = np.inf
+    probability: Mapping[str, float] = field(default_factory=dict)
+
+
+#: A candidate at a shape and level, and what it could move.
+CandidateAxes = tuple[Candidate, SignatureAxes]
+
+
+@dataclass(frozen=True, slots=True)
+class Suspects:
+    """The causes of a tie, the one found first, each at the shapes at which it would look like the data; how likely
+    each is; and all members of the tie, those without a course too."""
+
+    causes: tuple[tuple[CauseHypothesis, ...], ...]
+    tie: TiedCauses
+    members: tuple[str, ...]
+
+
+def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
+    """The found cause, and each of the others as it would have to be to look like it so far."""
+    plan = campaign.gone_on(PlannedRuns.measured(campaign.recipe))
+    found = axes_of(plan, tie.found, usual_candidates(plan, tie.found.effect.id))
+    # The strength found is freed of what noise adds to a size, and is that of all units.
+    known = np.isfinite(tie.d) and found.length > 0
+    head = replace(tie.found, size=tie.d / found.length) if known else tie.found
+    strength = head.size * found.length
+    out = [_likely_shapes(head, found, usual_candidates(plan, head.effect.id), strength)]
+    for other in tie.others:
+        every = [*(usual := usual_candidates(plan, other)), *shaped_like(plan, usual, tie.found.effect)]
+        if every:
+            # Of those that look alike the one of fewest coefficients: what others could be is not what they are.
+            like, axes = min(every, key=lambda pair: (round(distinct_share(found, pair[1]), 1), pair[1].m.shape[-1]))
+            alike = CauseHypothesis(like.effect or tie.found.effect, like.of, _size_of(strength, axes))
+            out.append(_likely_shapes(alike, found, every, strength))
+    names = tuple(shapes[0].effect.id for shapes in out)
+    members = (tie.found.effect.id, *tie.others)
+    return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability), members)
+
+
+def _likely_shapes(
+    suspect: CauseHypothesis, found: SignatureAxes, every: Sequence[CandidateAxes], strength: float
+) -> tuple[CauseHypothesis, ...]:
+    """A suspect at the shapes that the data do not rule out: one that leaves a share κ of a signal of strength d is
+    less likely by d²κ/2 nats. The suspect's own comes first."""
+    mine = [(c.effect, axes) for c, axes in every if c.of == suspect.of and c.effect is not None]
+    if not suspect.effect.forms or not np.isfinite(strength):
+        return (suspect,)
+    odds = [float(np.exp(-0.5 * strength**2 * distinct_share(found, axes))) for _, axes in mine]
+    top = max(odds, default=0.0)
+    near = [
+        (w, e, axes) for w, (e, axes) in zip(odds, mine, strict=True) if w > LEAST_ODDS * top and e != suspect.effect
+    ]
+    near.sort(key=lambda shape: [float(getattr(shape[1], p.field)) for p in suspect.effect.forms])
+    near = near[:: max(-(-len(near) // MOST_SHAPES), 1)]
+    total = sum(w for w, _, _ in near) + top
+    others = [CauseHypothesis(e, suspect.of, _size_of(strength, axes), w / total) for w, e, axes in near]
+    return (replace(suspect, share=1.0 - sum(other.share for other in others)), *others)
+
+
+def _size_of(strength: float, axes: SignatureAxes) -> float:
+    """The size at which a cause is so strong."""
+    return strength / axes.length if axes.length > 0 else 0.0
+
+
+def usual_candidates(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:
+    """A cause at every shape, and at every level at which it usually acts, with what it could move."""
+    return [(c, plan.axes(c)) for c in usual_shapes(plan, name)]
+
+
+def usual_shapes(plan: PlannedCampaign, name: str) -> list[Candidate]:
+    """The same without the axes; a variance of the floor has neither shape nor level."""
+    view = plan.problem.view
+    effect = next((e for e in cause_library(view.scene.recipe) if e.id == name), None)
+    if effect is None or not is_testable(effect, view):
+        return []
+    usual = [c for c in candidates(effect, view) if c.of not in RARE_LEVELS or c.of == effect.of[0]]
+    return usual + [at_form(plan, c, shape) for c in {c.of: c for c in usual}.values() for shape in _more_forms(effect)]
+
+
+def _more_forms(effect: Effect) -> Iterator[Effect]:
+    """Time constants between those of the grid, and as far beyond its ends as a diagnosis would go."""
+    for p in effect.forms:
+        if p.name == "time_constant" and p.grid:
+            ends = (0.5 * min(p.low, *p.grid), 2 * max(p.high, *p.grid))
+            middles = (float(np.sqrt(a * b)) for a, b in pairwise(p.grid))
+            yield from (replace(effect, **{p.field: value}) for value in (*ends, *middles))
+
+
+def shaped_like(plan: PlannedCampaign, usual: Sequence[CandidateAxes], other: Effect) -> list[CandidateAxes]:
+    """A cause at the shape of another one, which the steps of its grid may miss; nothing where they share no shape."""
+    wanted = {p.field: getattr(other, p.field) for p in other.forms}
+    levels = {c.of: c for c, _ in usual}.values()
+    out = []
+    for c in levels:
+        shape = {p.field: wanted[p.field] for p in (c.effect.forms if c.effect else ()) if p.field in wanted}
+        if c.effect is not None and shape:
+            at = at_form(plan, c, replace(c.effect, **shape))
+            out.append((at, plan.axes(at)))
+    return out
+
+
+def axes_of(plan: PlannedCampaign, suspect: CauseHypothesis, usual: Sequence[CandidateAxes]) -> SignatureAxes:
+    """A suspect as the planned campaign would show it."""
+    return plan.axes(suspect_candidate(plan, suspect, [c for c, _ in usual]))
+
+
+def suspect_candidate(plan: PlannedCampaign, suspect: CauseHypothesis, usual: Sequence[Candidate]) -> Candidate:
+    """A suspect as a candidate of the planned campaign, at its level if there is one."""
+    return at_form(plan, next((c for c in usual if c.of == suspect.of), usual[0]), suspect.effect)
+
+
+def at_form(plan: PlannedCampaign, candidate: Candidate, effect: Effect) -> Candidate:
+    """A candidate at another shape."""
+    return with_form(candidate, effect, plan.problem.view)
