@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from station.diagnosis.candidates.bank import Candidate
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.linear.evidence import (
     AMPLITUDE_RATIOS,
     HIT_SHARES,
@@ -26,9 +28,11 @@ from station.diagnosis.linear.projection import (
 from station.diagnosis.linear.run_filter import RunFilter
 from station.diagnosis.search.finding import is_unknown
 from station.diagnosis.search.null_simulation import copy_orders
+from station.diagnosis.search.scoring import evidence_by_cause
 from station.domain.core.types import Floats
 
 U, M = 3, 20
+NO_COLUMNS = StopColumns.of(np.zeros((1, 3, 0)))
 
 
 def a_covariance(units: int) -> FloorCovariance:
@@ -229,3 +233,15 @@ def test_a_kernel_ahead_of_causes_that_explain_nothing_is_something_unknown(
     kernel: float, cause: float, unknown: bool
 ) -> None:
     assert is_unknown(kernel, cause) == unknown
+
+
+def test_the_evidence_of_a_cause_is_the_mean_over_its_candidates() -> None:
+    rng = np.random.default_rng(4)
+    names = ["a", "b", "a", "c", "b", "a"]
+    items = [Candidate(n, None, "unit", "own", np.zeros(1, np.int32), ("u",), NO_COLUMNS) for n in names]
+    evidence = 50.0 * rng.standard_normal((7, len(names)))
+    by_cause = evidence_by_cause(items, evidence)
+    for name in "abc":
+        own = [i for i, n in enumerate(names) if n == name]
+        assert by_cause[name] == pytest.approx(log_mean_exp(evidence[:, own]), rel=1e-12)
+    assert evidence_by_cause([], evidence[:, :0]) == {}

@@ -6,6 +6,7 @@ of a cause that acts in each run by itself are zero in all others: they are laid
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +98,12 @@ def column_blocks(bank: Bank, layout: RowLayout, *, whole: bool) -> list[ColumnB
 
 def _places_of_axes(made: BankColumns, *, by_run: bool) -> tuple[range, ...]:
     """Which columns of a set move each axis (3), each one alone; none where those of an axis are not evenly spaced."""
-    axis = made.columns.axis.tolist() * (1 if by_run else made.groups)
+    return _evenly_spaced(tuple(made.columns.axis.tolist()), 1 if by_run else made.groups)
+
+
+@cache
+def _evenly_spaced(axes: tuple[int, ...], groups: int) -> tuple[range, ...]:
+    axis = axes * groups
     where = [[k for k, a in enumerate(axis) if a == i] for i in range(3)]
     if not all(where):
         return ()

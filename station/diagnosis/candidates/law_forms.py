@@ -92,12 +92,13 @@ def curves_by_covariate(view: ResidualView) -> Iterator[tuple[str, Curves]]:
 
 def _curves_of(x: Floats, plain: Floats) -> Curves:
     phase = 2 * np.pi * (x - x.min()) / np.ptp(x)
+    bends, switches, bumps = (np.quantile(x, shares) for shares in (BENDS, SWITCHES, BUMPS))
     return Curves(
         plain,
-        tuple(np.maximum(sign * (x - np.quantile(x, q)), 0.0) for q in BENDS for sign in (1, -1)),
-        tuple(centred_values(x > np.quantile(x, q)) for q in SWITCHES),
+        tuple(np.maximum(sign * (x - at), 0.0) for at in bends for sign in (1, -1)),
+        tuple(centred_values(x > at) for at in switches),
         tuple((np.cos(phase / p), np.sin(phase / p)) for p in PERIODS),
-        tuple(np.exp(-0.5 * ((x - np.quantile(x, q)) / (BUMP_SHARE * np.ptp(x))) ** 2) for q in BUMPS),
+        tuple(np.exp(-0.5 * ((x - at) / (BUMP_SHARE * np.ptp(x))) ** 2) for at in bumps),
     )
 
 

@@ -57,11 +57,17 @@ class CandidateFit(NamedTuple):
     """What a space shows of one candidate: L (ρ) of the readings, or u (1, …) of a scan, which has many groups; the log
     evidence; and ZE (U, M, K) in single precision, or a scan's visits, where asked for."""
 
-    spectrum: EigenSpectrum
+    alike: EigenSpectrum
+    place: int
     components: Floats | None
     known_likelihood: Floats | None
     evidence: float
     axes: Array | VisitColumns | None
+
+    @property
+    def spectrum(self) -> EigenSpectrum:
+        """What it can show: one of those alike in shape."""
+        return self.alike.of(self.place)
 
 
 class KeptProducts(NamedTuple):
@@ -258,7 +264,7 @@ def _fits_of(
     for i, which in enumerate(kind.which):
         axes = None if drawn is None or E is None else drawn.axes(bank, which, E[i] * visible[i][..., None, :])
         of_groups, known = (u[i], None) if scan else (None, likelihood[i, 0])
-        yield CandidateFit(retained.of(i), of_groups, known, float(evidence[i]), axes)
+        yield CandidateFit(retained, i, of_groups, known, float(evidence[i]), axes)
 
 
 def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, size: SpaceSize) -> NDArray[np.bool_]:

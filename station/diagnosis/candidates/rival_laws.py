@@ -94,8 +94,9 @@ def _tilts(view: ResidualView) -> Iterator[Candidate]:
     tilt = NestTilt.example()
     if not view.scene.recipe.pose_known:
         return
+    curves = dict(curves_by_covariate(view))
     for one in candidates(tilt, view):
-        for name, of in curves_by_covariate(view):
+        for name, of in curves.items():
             for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]):
                 yield _law_of(one, f"{name}*input", StopColumns.of(one.stop * x[:, None, None]))
 

@@ -130,7 +130,7 @@ class FloorStructure:
             return self.by_visits().traces(runs)
         v, k = self.turn.shape[2:4]
         roots, later = runs.precision_roots(), runs.later_information()
-        white = np.einsum("cbij,cbij,cbj->c", roots, roots, self.white, optimize=True)
+        white = np.sum(np.sum(roots**2, axis=2) * self.white, axis=(1, 2))
         by_visit = roots.reshape(C, B, -1, v, k).swapaxes(2, 3)
         turned = np.sum((by_visit @ self.turn) ** 2, axis=(1, 2, 3, 4))
         # What a step from each visit on does to its block, and what it leaves to those after.
@@ -284,7 +284,7 @@ def _moved(parts: FloorStructure, now: ResidualSpace, residual: Floats) -> tuple
     acted = parts.times(runs.transposed(stops))
     white = runs.whiten(acted.reshape(*stops.shape[:3], -1)).reshape(U, R * runs.rows, 3, -1)
     moved = np.pad(white[..., 0], ((0, 0), (0, rows.shape[1] - white.shape[1]), (0, 0)))
-    known = np.einsum("umc,umic->i", rows[:, : white.shape[1], 1:], white[..., 1:], optimize=True)
+    known = np.sum(rows[:, : white.shape[1], None, 1:] * white[..., 1:], axis=(0, 1, 3))
     return moved, now.free(moved), np.asarray(known)
 
 

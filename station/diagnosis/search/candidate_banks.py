@@ -27,12 +27,20 @@ class CandidateBanks:
 
     def __init__(self, view: ResidualView) -> None:
         self._view, self._candidates = view, all_candidates(view)
+        self._still: tuple[Bank, Collection[str]] | None = None
 
     def of(self, view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
         """The still and the moving candidates in a view, without the causes that are hidden from these data."""
         if not view.simulates_nearly(self._view, SAME_SIGNATURE_SHARE):
-            self._view, self._candidates = view, all_candidates(view)
-        return _banks_of(self._candidates, view, hidden)
+            self._view, self._candidates, self._still = view, all_candidates(view), None
+        chosen = [c for c in self._candidates if c.name not in hidden]
+        if self._still is None or self._still[1] != hidden:
+            self._still = build_bank(chosen, view.layout, moving=False), hidden
+        still = self._still[0]
+        if still.all_columns is not None:
+            # Columns that are laid out are those of this view alone.
+            self._still = None
+        return still, build_bank(chosen, view.layout, moving=True)
 
 
 def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:

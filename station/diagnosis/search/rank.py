@@ -54,7 +54,8 @@ def leaders(ranks: Mapping[str, RankedCause]) -> tuple[RankedCause | None, Ranke
 def rank_causes(
     problem: ScoringProblem, banks: Sequence[Bank], first: WalkMarginal, words: Sequence[str]
 ) -> dict[str, RankedCause]:
-    """Every cause under the best of the floors visited, `first` the one without any of them. words: the kernels.
+    """Every cause in the readings under the best of the floors visited, `first` the one without any of them. words: the
+    kernels.
 
     Without a cause the readings, too, have the best of these floors: what a floor gains by itself speaks for none. A
     floor whose scale, once free, would take its walk or its turns beyond what is allowed is none for them.
@@ -69,7 +70,6 @@ def rank_causes(
         for marginal in visited:
             keep_best(best, marginal, zero[marginal.best.space_index])
         now = _next_floor(problem, banks, best, visited, words)
-    best.update(_floor_causes(problem, first.best))
     return best
 
 
@@ -186,9 +186,9 @@ def with_bounded_variance(problem: ScoringProblem, name: str, upper: Floats) -> 
     return replace(problem, upper=bounds)
 
 
-def _floor_causes(problem: ScoringProblem, first: ScoredBank) -> dict[str, RankedCause]:
+def floor_causes(problem: ScoringProblem, first: ScoredBank) -> dict[str, RankedCause]:
     """The causes that are variances of the floor, let free beyond what is allowed."""
-    found = variance_gains(problem, problem.fit(first.floor))
+    found = variance_gains(problem, problem.fit())
     return {
         n: RankedCause(n, gain - OCCAM_NATS, None, ScoredBank(at, first.projected)) for n, (gain, at) in found.items()
     }

@@ -245,4 +245,12 @@ def evidence_by_cause(candidates: Sequence[Candidate], evidence: Floats) -> dict
     rows: dict[str, list[int]] = {}
     for i, c in enumerate(candidates):
         rows.setdefault(c.name, []).append(i)
-    return {name: log_mean_exp(evidence[:, at]) for name, at in rows.items()}
+    if not rows:
+        return {}
+    counts = np.array([len(at) for at in rows.values()])
+    sorted_by_cause = evidence[:, np.concatenate(list(rows.values()))]
+    starts = np.cumsum(counts) - counts
+    top = np.maximum.reduceat(sorted_by_cause, starts, axis=1)
+    share = np.exp(sorted_by_cause - np.repeat(top, counts, axis=1))
+    found = top + np.log(np.add.reduceat(share, starts, axis=1) / counts)
+    return dict(zip(rows, found.T, strict=True))

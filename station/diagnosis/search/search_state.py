@@ -18,6 +18,7 @@ from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
+    floor_causes,
     keep_best,
     leaders,
     rank_causes,
@@ -101,6 +102,7 @@ class CauseSearch:
         """Every cause and kernel at its best; without what has been found often enough already."""
         banks = tuple(s.bank for s in state.now.projected)
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
+        ranks |= floor_causes(state.problem, state.now)
         # A state follows whatever moves a unit's axes together: what is evident comes before it, and it is asked again.
         evident = any(r.evidence >= EVIDENT_NATS for r in ranks.values())
         for name in (generic.RIPPLE,) if evident else (generic.RIPPLE, *generic.STATES):
