@@ -13,7 +13,7 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search import law_chance, null_simulation
 from station.diagnosis.search.finding import CauseFinding, depends_on
-from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, compare_laws
+from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, compare_laws, in_place_of
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
@@ -122,11 +122,32 @@ def test_the_further_a_law_is_ahead_the_rarer_by_chance(cubic: tuple[ScoringProb
     known, bare = cubic
     floor, laws = known.fit().floor, list(rival_laws(bare.view, known.accepted[0].in_view(bare.view)))[::20]
     forms = [known.accepted[0].candidate]
-    chances = [law_chance.chance_of_lead(known, bare, forms, laws, floor, lead) for lead in (-300.0, 1.5, LAW_NATS)]
+    chances = [
+        law_chance.chance_of_lead(known, bare, forms, laws, floor, lead) for lead in (-300.0, 1.5, LAW_NATS, 60.0)
+    ]
     assert chances == sorted(chances, reverse=True)
     assert chances[0] == 1.0
     # The cause is there: what is called ahead of it hardly ever is.
     assert chances[2] < 0.02
+    assert chances[3] == 0.0
+
+
+def test_a_cause_is_compared_together_with_those_that_it_cannot_be_told_from(
+    cubic: tuple[ScoringProblem, ScoringProblem],
+) -> None:
+    """In place of a cubic a size of the input is another form; with the cubic beside it no law is ahead."""
+    known, _ = cubic
+    other = in_place_of(known, 0, "asymmetry")
+    assert other is not None
+    floor = other.fit().floor
+    alone, together = (compare_laws(other, 0, floor, alike).lead for alike in ((), ("cubic",)))
+    assert alone > LAW_NATS
+    assert together < 0.5 * alone
+
+
+@pytest.mark.parametrize(("lead", "chance", "ahead"), [(6.0, 0.0, True), (6.0, 0.1, False), (4.0, 0.0, False)])
+def test_a_law_is_ahead_only_where_chance_does_not_bring_it_there(lead: float, chance: float, ahead: bool) -> None:
+    assert RivalLaws(lead, ("input",), chance).is_ahead is ahead
 
 
 def test_a_name_that_a_kernel_outdoes_says_on_what_the_kernel_depends() -> None:

@@ -125,7 +125,7 @@ def _with_forms_checked(
             laws = compare_laws_with_scatter(last.problem, finding.name, problem.upper)
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else laws.judged(finding))
         else:
-            laws = compare_laws(last.problem, i, last.now.floor)
+            laws = compare_laws(last.problem, i, last.now.floor, finding.indistinguishable_from)
             checked.append(laws.judged(finding))
             words += laws.words if laws.is_ahead else ()
             i += 1

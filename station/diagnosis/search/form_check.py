@@ -61,7 +61,7 @@ COURSES_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 20, 16
 @dataclass(frozen=True, slots=True)
 class RivalLaws:
     """How many nats the best law is ahead of what was found, in its place, and the covariates of those near it; chance:
-    how often it is as far ahead of a cause that is true, 0 where that is not known."""
+    how often it is as far ahead of a cause that is true, 0 where no set shows it, or none was drawn."""
 
     lead: float
     words: tuple[str, ...]
@@ -70,7 +70,7 @@ class RivalLaws:
     @property
     def is_ahead(self) -> bool:
         """Whether what was found has not the form of the data."""
-        return self.lead > LAW_NATS
+        return self.nats > LAW_NATS
 
     @property
     def nats(self) -> float:
@@ -87,16 +87,21 @@ class RivalLaws:
         return replace(judged, doubts=doubts) if judged.is_unlikely else judged
 
 
-def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor) -> RivalLaws:
-    """The laws in place of accepted cause i, beside all others. floor: the one with all of them known."""
+def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iterable[str] = ()) -> RivalLaws:
+    """The laws in place of accepted cause i, or of those alike, from which it cannot be told, beside all others. floor:
+    the one with all of them known."""
     bare = problem.without(i)
-    forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(_forms(problem.accepted[i].candidate, bare.view))]
+    known = [
+        *_forms(problem.accepted[i].candidate, bare.view),
+        *(c for name in alike for c in _shapes(name, bare.view)),
+    ]
+    forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(known)]
     laws = rival_laws(bare.view, problem.accepted[i].in_view(bare.view))
     promising = _promising(bare, forms, laws, floor)
     ranks = _ranked(bare, forms, promising, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
     found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
-    if 0 < found.lead <= LAW_NATS:
+    if 0 < found.lead <= PROMISING_NATS:
         found = replace(found, chance=chance_of_lead(problem, bare, forms, promising, floor, found.lead))
     coming = _coming_on(problem.accepted[i].candidate, bare, floor)
     found = max((found, *_fading(problem, i, floor), *coming), key=lambda laws: laws.lead)

@@ -25,7 +25,8 @@ def chance_of_lead(
     floor: NoiseFloor,
     lead: float,
 ) -> float:
-    """How often the best of some laws is so many nats ahead of the best form of a cause where that is true.
+    """How often the best of some laws is so many nats ahead of the best form of a cause where that is true; 0 where it
+    is in none of the sets.
 
     problem: with the cause known; bare: without it; floor: with it, under which all are judged.
     """
@@ -36,7 +37,7 @@ def chance_of_lead(
     names = {c.name for c in forms}
     drawn = null_simulation.scores(bare, problem.fit(floor), like, SEED, SETS, _signal(problem, bare))
     ahead = np.concatenate([_lead(scores, names) for scores in drawn])
-    return float((1 + np.count_nonzero(ahead >= lead)) / (1 + len(ahead)))
+    return float(np.mean(ahead >= lead))
 
 
 def _lead(scores: Mapping[str, Floats], forms: set[str]) -> Floats:
