@@ -19,11 +19,19 @@ from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise, prior_chances
 from station.diagnosis.discovery.scan import scanned_units
-from station.diagnosis.discovery.term_fit import TermFit, TermSpaces, accepted, fit_term, refine, search_between
+from station.diagnosis.discovery.term_fit import (
+    TermFit,
+    TermSpaces,
+    _half_nat,
+    accepted,
+    fit_term,
+    refine,
+    search_between,
+)
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
 from station.diagnosis.results.extend import extend_model
-from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm
+from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm, _estimate
 from station.diagnosis.results.imitators import simplest_explanation
 from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
@@ -121,6 +129,37 @@ def test_what_agrees_at_the_tilts_of_the_visits_and_differs_between_stays_in_the
     (term,) = discover(problem, None, 1, lambda *_: 3.2).terms
     families = [f.term.family for f in term.spellings]
     assert families == ([("own-cubed", "motor"), ("own-dead-band", "motor")] if power == 3 else [("own", "motor")])
+
+
+@pytest.mark.parametrize(
+    ("fallen", "std"),
+    [
+        (lambda x: x**2 / 18, 3.0),
+        (lambda x: np.where(x < 4.4, 0.0, 9.0), 4.4),
+        (lambda x: 0.2 * (1 - np.exp(-x)), None),
+    ],
+)
+def test_an_interval_ends_where_the_evidence_has_fallen(fallen: Any, std: float | None) -> None:
+    """A parabola; level up to an edge, as a jump is between two visits; and nowhere."""
+    assert _half_nat(fallen, 0.03) == (None if std is None else pytest.approx(std, rel=0.03))
+
+
+def test_a_coefficient_is_no_better_known_than_what_it_goes_with() -> None:
+    """Of a saturation far below what is felt only the product of both shows."""
+
+    def switched(w: World, rng: Scaled) -> tuple[Any, Any]:
+        added = np.zeros_like(w.a)
+        added[:, 2] = np.tanh(w.a[:, 2] / 0.3) * w.motor * rng.amplitude(1e-4, (1,))[0]
+        return w.a, added
+
+    table, _ = hide(recipe(), switched, 39, d=24.0)  # type: ignore[arg-type]
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    term = Term("own-saturation", "motor", ("z",), "common", (("bend_u", 0.05),))
+    fit = fit_term(term, TermSpaces(problem, problem.fit().floor).of(term))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    estimate = _estimate(known, 0, FoundTerm("formula-1", fit, fit.score, ()), known.fit())
+    assert 0.1 < estimate.form[0].std < 2
+    assert float(estimate.std[0, 0]) > 0.5 * abs(float(estimate.value[0, 0]))
 
 
 def test_what_the_calibration_takes_up_is_no_part_of_a_curve() -> None:

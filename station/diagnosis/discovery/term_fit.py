@@ -38,6 +38,8 @@ OUT_OF_QUESTION = 1e12
 MOST_TOPS, NEAR_TOP_SHARE = 2, 0.15
 #: How finely a constant is found, as a share of the steps of the coarse grid, and the rounds where a term has two.
 FINENESS, ROUNDS = 0.01, 2
+#: By how much the evidence falls a standard deviation beside its top, nats, and how that place is bracketed.
+HALF_NAT, DOUBLINGS, BISECTIONS = 0.5, 24, 6
 
 
 class TermSpace(NamedTuple):
@@ -298,17 +300,32 @@ def constant_stds(fit: TermFit, at: TermSpace) -> dict[str, float]:
 
 
 def _std_of(fit: TermFit, field: str, value: float, at: TermSpace) -> float:
-    """The step by which the evidence falls by a half nat, both sides averaged; found by doubling."""
-    best = fit_term(fit.term, at).evidence
-    step = 1e-3 * max(abs(value), 1e-3)
-    drop = 0.0
-    for _ in range(24):
-        sides = [_evidence_at(fit.term, field, value + sign * step, at) for sign in (-1, 1)]
-        drop = best - float(np.mean(sides))
-        if drop >= 0.25:
-            break
-        step *= 2
-    return step / float(np.sqrt(2 * drop)) if drop > 0 else step
+    """The rms of how far one may go to either side until the evidence has fallen by a half nat; of one side alone,
+    where the other never ends."""
+    best, first = fit_term(fit.term, at).evidence, 1e-3 * max(abs(value), 1e-3)
+
+    def side(sign: int) -> float | None:
+        return _half_nat(lambda x: best - _evidence_at(fit.term, field, value + sign * x, at), first)
+
+    sides = side(-1), side(1)
+    told = [x for x in sides if x is not None]
+    return float(np.sqrt(np.mean(np.square(told)))) if told else first * 2.0**DOUBLINGS
+
+
+def _half_nat(fallen: Callable[[float], float], step: float) -> float | None:
+    """How far something falls by a half, None where it never does: by a parabola about a smooth top, by bisection where
+    it stands level up to an edge, as the time of a jump does between two visits."""
+    steps = step * 2.0 ** np.arange(DOUBLINGS)
+    far = next((float(x) for x in steps if fallen(float(x)) >= HALF_NAT / 2), None)
+    if far is None:
+        return None
+    near = far / 2
+    for _ in range(BISECTIONS):
+        if fallen(far) <= 2 * HALF_NAT:
+            return far * float(np.sqrt(HALF_NAT / fallen(far)))
+        middle = (near + far) / 2
+        near, far = (near, middle) if fallen(middle) >= HALF_NAT / 2 else (middle, far)
+    return far
 
 
 def _evidence_at(term: Term, field: str, value: float, at: TermSpace) -> float:

@@ -130,7 +130,7 @@ def _estimate(problem: ScoringProblem, i: int, term: FoundTerm, floor: FittedFlo
     forms = tuple(FormEstimate(field, value, stds[field]) for field, value in term.fit.term.constants)
     value, std = joint_coefficients(problem, problem.accepted, floor)[i]
     for form in forms:
-        std = np.hypot(std, _moved_by(bare, problem, i, term, form, floor))
+        std = np.hypot(std, _moved_by(bare, problem, i, term, form, value, floor))
     return Estimate(problem.accepted[i], value, std, forms)
 
 
@@ -147,10 +147,17 @@ def rival_estimates(h: Hypotheses, i: int) -> Iterator[tuple[TermFit, Estimate]]
 
 
 def _moved_by(
-    bare: ScoringProblem, problem: ScoringProblem, i: int, term: FoundTerm, form: FormEstimate, floor: FittedFloor
+    bare: ScoringProblem,
+    problem: ScoringProblem,
+    i: int,
+    term: FoundTerm,
+    form: FormEstimate,
+    value: Floats,
+    floor: FittedFloor,
 ) -> Floats:
-    """By how much the coefficients move when a constant does by its standard deviation, or to the end of its range,
-    beyond which a deviation says only that the data do not tell the constant."""
+    """By how much the coefficients move when a constant does by its standard deviation to either side, or to the end of
+    its range, beyond which a deviation says only that the data do not tell the constant; rms, as they may move alike:
+    of a saturation's bend only the size counts."""
     kind = CONSTANTS[form.field]
     ends = []
     for sign in (-1, 1):
@@ -165,4 +172,4 @@ def _moved_by(
         other = replace(item, candidate=moved, coefficient=np.zeros(item.coefficient.shape))
         items = [*bare.accepted[:i], other, *bare.accepted[i:]]
         ends.append(joint_coefficients(bare, items, floor)[i][0])
-    return np.asarray((ends[1] - ends[0]) / 2)
+    return np.asarray(np.sqrt(np.mean([(end - value) ** 2 for end in ends], axis=0)))
