@@ -102,6 +102,8 @@ def portions_of_units(path: Path, rows: int = PORTION) -> Iterator[SampleTable]:
         else:
             held.append(piece)
     yield join(held)
+    held.clear()
+    pa.default_memory_pool().release_unused()
 
 
 def pieces(path: Path) -> Iterator[SampleTable]:
