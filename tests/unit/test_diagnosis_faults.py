@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from station.diagnosis.data.faults import GrossFault, inspect
-from station.diagnosis.data.faults.phase_agreement import PhaseAgreement
+from station.diagnosis.data.faults.motor_tone import ONE_DWELL
+from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
 from station.diagnosis.data.faults.white_dwells import TransientFilter, WhiteDwells
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -291,6 +292,34 @@ def test_a_hum_as_loud_at_any_drive_is_no_tone_of_the_motors(seed: int, in_step:
     hum = np.sin(2 * np.pi * 7.3 * (made.time_s + made.values["started_s"]) + (phase if len(phase) else 0.0))
     made = replace(made, reading=made.reading + 5e-4 * hum[:, None] * np.array([0.3, 1.0, 0.5]))
     assert "motor-tone" not in found(made, recipe(1))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_line_of_one_dwell_does_not_follow_the_drive_in_the_others(seed: int) -> None:
+    rng, visits = np.random.default_rng(seed), 48
+    time = 4.0 * np.arange(visits)[:, None] + np.arange(25) / 25
+    motor = np.sort(rng.uniform(0, 1, visits))
+    filter_ = TransientFilter(np.ones((visits, 25, 4)), np.zeros((visits, 3)), ())
+    noise = rng.standard_normal((visits, 25, 3))
+    in_step = np.sin(2 * np.pi * 7.3 * time)[..., None]
+    for carried, follows in ((np.arange(visits) == visits - 4, False), (2 * motor, True)):
+        white = noise + 2 * in_step * np.reshape(carried, (-1, 1, 1))
+        dwells = WhiteDwells(white, np.zeros_like(white), time, motor, 25.0, filter_)
+        every, others = PhaseAgreement(dwells, np.inf).power_follows_drive(7.3)
+        assert chance(every, POWER_TERMS) < 1e-4
+        assert (chance(others, POWER_TERMS) < ONE_DWELL) == follows
+
+
+def test_a_tone_out_of_step_at_the_highest_frequency_is_looked_at_as_far_as_there_are_any() -> None:
+    made, _ = hide(six_faces("listed", "reversed"), None, 3, units=4)
+    stops = np.cumsum(np.diff(made.visit, prepend=-1) != 0)
+    phase = np.random.default_rng(3).uniform(0, 2 * np.pi, stops[-1] + 1)[stops]
+    tone = made.values["motor"] * np.sin(2 * np.pi * 12.15 * made.time_s + phase)
+    readings = made.reading + tone[:, None] * np.array([0.0, 4e-4, -2e-3])
+    faults = found(replace(made, reading=readings), six_faces("listed", "reversed"))
+    (frequency,) = (n.value for n in faults["motor-tone"].numbers if n.name == "frequency")
+    # Its likeness beyond half the rate lies within the same line, which is as wide as half of 1/dwell.
+    assert float(frequency) == pytest.approx(12.15, abs=0.5)
 
 
 @pytest.mark.parametrize("colour", COLOURS)

@@ -27,6 +27,8 @@ from station.domain.recipe.recipe import Recipe
 
 #: Chance of any tone in noise, over all lines that were tried.
 FALSE_TONES = 1e-4
+#: Chance, in the dwells that do not overlap the strongest one, from which on that one alone makes the line.
+ONE_DWELL = 1e-3
 #: What the second half of a dwell may hold less of a tone, in standard deviations, and the least share that it must.
 LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
 
@@ -44,8 +46,8 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     d, sigma = white_dwells(table, stop, rate_hz)
     if line.resolution_hz is None:
         agreement = PhaseAgreement(d, np.inf)
-        grown = agreement.power_follows_drive(float(line.frequency_hz[0]))
-        if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES:
+        grown, elsewhere = agreement.power_follows_drive(float(line.frequency_hz[0]))
+        if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES or chance(elsewhere, POWER_TERMS) > ONE_DWELL:
             return []
         frequency, nats = _refine_frequency(d, float(line.frequency_hz[0])), line.nats
     else:
@@ -195,6 +197,7 @@ def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: Floats, nats: 
     d = replace(d, white=alone(d.reading) / np.maximum(sigma, 1e-300), filter=alone)
     resolution = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
     tried = frequency_hz + resolution * np.linspace(-1, 1, 41)
+    tried = tried[tried <= d.rate_hz / 2]
     frequency_hz = float(tried[np.argmax(power(d, tried).sum(1))])
     angle = 2 * np.pi * frequency_hz * d.time_s
     found = power_per_visit(np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))]), d.white)

@@ -43,7 +43,8 @@ class PhaseAgreement:
         self._time, self._white = d.time_s[self._live], d.white[self._live]
         begin = d.middle_s
         self._stretch = ((begin - begin.min()) / stretch_s).astype(np.intp)
-        self._drive, self._count = d.motor, np.maximum(d.count, 1.0)
+        self._drive, self._count, self._begin_s = d.motor, np.maximum(d.count, 1.0), begin
+        self._dwell_s = float(d.count.max(initial=0.0)) / d.rate_hz
         #: What the dwells of a unit have in common is taken off them: two numbers each.
         self._taken = np.zeros(len(begin))
         for stops in d.filter.units:
@@ -69,12 +70,22 @@ class PhaseAgreement:
         amplitude = self._amplitudes(frequency_hz)
         return self._agreement(amplitude, self._drive) > self._agreement(amplitude, np.ones_like(self._drive))
 
-    def power_follows_drive(self, frequency_hz: float) -> float:
+    def power_follows_drive(self, frequency_hz: float) -> tuple[float, float]:
         """Nats (Gamma's, of 3/2 terms by Wilks' theorem) by which power that grows with the square of the drive is
-        likelier, in any phase, than power that does not: powers of noise are exponential."""
+        likelier, in any phase, than power that does not, powers of noise being exponential: of all dwells, and of those
+        that do not overlap the strongest one, in which the bench alone may have been shaken."""
         power = np.abs(self._amplitudes(frequency_hz)) ** 2
-        growth = np.append(0.0, np.geomspace(1e-2, 1e4, POWERS_TRIED)) / max(float(self._expected2.max()), 1e-300)
-        shape = 1 + growth[:, None, None] * self._expected2[:, None]
+        strongest = self._begin_s[int(np.argmax(power.sum(axis=1)))]
+        others = np.abs(self._begin_s - strongest) > self._dwell_s
+        return self._growth_nats(power, self._expected2), self._growth_nats(power[others], self._expected2[others])
+
+    @staticmethod
+    def _growth_nats(power: Floats, expected2: Floats) -> float:
+        """By how many nats powers (v, 3) follow what a tone adds to them, in proportion (v)."""
+        if not len(power):
+            return 0.0
+        growth = np.append(0.0, np.geomspace(1e-2, 1e4, POWERS_TRIED)) / max(float(expected2.max()), 1e-300)
+        shape = 1 + growth[:, None, None] * expected2[:, None]
         level = np.log(np.mean(power / shape, axis=1)) + np.mean(np.log(shape), axis=1)
         return float(np.sum(len(power) * (level[0] - level.min(axis=0))))
 
