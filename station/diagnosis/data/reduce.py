@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.contrast_noise import contrast_noise, without_bumps
 from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Floats, SampleTable
@@ -47,7 +48,8 @@ class ReducedScene:
     beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a stop's noise beside that of all,
     axis_excess (v, 3) that which `count` leaves to each axis; rate_error (v, modes): by what the rate of temperature
     may be wrong, degC/s, each mode times a standard normal number a run; edges (B): ends of the blocks as shares of a
-    dwell; ringing_hz: frequencies of what rings within the dwells.
+    dwell; ringing_hz: frequencies of what rings within the dwells; sample_axes (3): axis_noise as the samples show
+    it, whatever the means have; axis_correlation (3, 3) what the noise of two axes has in common.
     """
 
     scene: Scene
@@ -62,6 +64,22 @@ class ReducedScene:
     axis_excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
     edges: Floats = field(default_factory=lambda: BLOCK_EDGES)
     ringing_hz: tuple[float, ...] = ()
+    sample_axes: Floats = field(default_factory=lambda: np.ones(3))
+    axis_correlation: Floats = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def contrast_noise(self) -> Floats:
+        """Noise of each contrast and axis (B−1, 3) beside that of a sample."""
+        contrast = np.einsum("ij,vbj->vbi", self.axes_apart, self.contrast)
+        return contrast_noise(contrast, self.mean, self.scene, self.sigma * self.sample_axes)
+
+    @property
+    def axes_apart(self) -> Floats:
+        """What makes of readings whose noise the axes share such as share none, each of its axis' noise (3, 3): the
+        inverse root of the correlation between the axes."""
+        size, axes = np.linalg.eigh(self.axis_correlation)
+        apart = (axes / np.sqrt(size)) @ axes.T if np.any(self.axis_correlation != np.eye(3)) else np.eye(3)
+        return np.asarray(apart * self.axis_noise[:, None] / self.axis_noise)
 
     def by_own_noise(self) -> "ReducedScene":
         """The same where each stop has the noise of its own samples: a noisier one counts as so many fewer at that of
@@ -170,19 +188,23 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
     scene, rate_error = _scene(recipe, means)
     scene = replace(scene, since_arrival_s=since)
-    one = np.where(sigma > 0, sigma, 1.0)
-    differences = [p.differences.beside(np.where(p.sigma > 0, p.sigma, 1.0) / one) for p in parts]
+    one, axes = np.where(sigma > 0, sigma, 1.0), axis_noise(sigma, int(count.sum()) - len(count))
+    differences = VisitDifferences.join(
+        [p.differences.beside(np.where(p.sigma > 0, p.sigma, 1.0) / one) for p in parts], known=bool(np.all(sigma > 0))
+    )
     late, spread = (np.concatenate([getattr(p, name) for p in parts]) for name in ("late", "spread"))
     return ReducedScene(
         scene,
         _fine(scene, late, spread),
         mean,
-        contrast,
+        without_bumps(contrast, sigma),
         count,
         float(np.sqrt(np.mean(sigma**2))),
         rate_error,
-        axis_noise(sigma, int(count.sum()) - len(count)),
-        VisitDifferences.join(differences, known=bool(np.all(sigma > 0))).excess_variance(),
+        axes,
+        differences.excess_variance(),
+        sample_axes=axes,
+        axis_correlation=differences.correlation(),
     )
 
 

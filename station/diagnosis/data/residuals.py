@@ -45,15 +45,18 @@ MIN_GAIN_STIMULUS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ResidualView:
-    """reduced stops, their grid, the simulation (base, active), keep (v, k, 3) from readings to numbers kept, and
-    sigma: sd of a single sample within the stops."""
+    """reduced stops, their grid, the simulation (base, active), own (v, k, 3) from readings to each axis' own numbers,
+    sigma: sd of a single sample within the stops, contrast_noise (B−1, k) that of each contrast beside it, and apart
+    (k, k), which makes of numbers whose noise the axes share such as share none."""
 
     reduced: ReducedScene
     grid: VisitGrid
     base: BaseResponse
     active: ActiveEffects
-    keep: Floats
+    own: Floats
     sigma: float
+    contrast_noise: Floats
+    apart: Floats
 
     @property
     def scene(self) -> Scene:
@@ -69,6 +72,16 @@ class ResidualView:
     def _fine_signal(self) -> Signal:
         """The same inside the blocks."""
         return sensor_signal(self.reduced.fine, self.active)
+
+    @property
+    def keep(self) -> Floats:
+        """From readings to the numbers kept (v, k, 3)."""
+        return self.own if self.keeps_axes else np.asarray(self.apart @ self.own)
+
+    @property
+    def keeps_axes(self) -> bool:
+        """Whether each number kept is one of an axis."""
+        return np.array_equal(self.apart, np.eye(len(self.apart)))
 
     @property
     def min_variance(self) -> float:
@@ -104,8 +117,8 @@ class ResidualView:
     @property
     def layout(self) -> RowLayout:
         """How numbers of the stops become rows."""
-        sigma = self.sigma * self.reduced.axis_noise if self.grid.k == 3 else self.sigma
-        return RowLayout(self.grid, self.keep, sigma, self.scene.visits.unit.code)
+        apart = None if self.keeps_axes else self.apart
+        return RowLayout(self.grid, self.keep, self.sigma * self.contrast_noise, self.scene.visits.unit.code, apart)
 
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
@@ -187,10 +200,11 @@ def initial_view(reduced: ReducedScene, matrix: bool = False) -> ResidualView:
     if not known:
         strength = float(np.linalg.norm(scene.visits.stimulus[0]))
         base = magnitudes.initial_base(reduced.mean, scene.visits.unit.code, units, strength)
-    keep = np.zeros((len(reduced.mean), 3 if known else 1, 3))
-    view = with_calibration(
-        ResidualView(reduced, visit_grid(scene.visits, keep.shape[1]), base, NO_EFFECTS, keep, 1.0), base
-    )
+    own = np.zeros((len(reduced.mean), 3 if known else 1, 3))
+    noise = reduced.contrast_noise if known else np.sqrt(np.mean(reduced.contrast_noise**2, axis=1, keepdims=True))
+    apart = reduced.axes_apart if known else np.ones((1, 1))
+    grid = visit_grid(scene.visits, own.shape[1])
+    view = with_calibration(ResidualView(reduced, grid, base, NO_EFFECTS, own, 1.0, noise, apart), base)
     for _ in range(1 if known else 10):
         view = with_fitted_calibration(view, matrix)
     return with_contrast_noise(view)
@@ -231,7 +245,7 @@ def with_calibration(view: ResidualView, base: BaseResponse) -> ResidualView:
     inverse = np.asarray(np.linalg.inv(base.matrix)[view.scene.visits.unit.code], float)
     view = replace(view, base=base)
     if view.grid.k == 3:
-        return replace(view, keep=inverse)
+        return replace(view, own=inverse)
     for rounds in range(20):
         residual = view.reduced.mean - view.simulated()[0]
         along, step = magnitudes.next_direction(view.scene, residual, base, view.active)
@@ -240,4 +254,4 @@ def with_calibration(view: ResidualView, base: BaseResponse) -> ResidualView:
         # Before the first round nobody knows any direction, so that it has nothing to be still against.
         if rounds and step < magnitudes.CONVERGED_RAD:
             break
-    return replace(view, keep=np.einsum("vi,vij->vj", along, inverse)[:, None, :])
+    return replace(view, own=np.einsum("vi,vij->vj", along, inverse)[:, None, :])

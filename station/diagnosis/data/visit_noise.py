@@ -24,13 +24,15 @@ NOISIER_BY, DIFFERENT_BY = 4.0, 4.0
 COARSE = 1.5
 #: Sizes that a tally tells apart: 1,024 of each power of 2, from 2⁻⁹⁶ to 2³².
 SHARE_BITS, LEAST_SIZE, SIZES = 42, (1023 - 96) << 10, 128 << 10
+#: Axes share noise from this correlation and so many standard errors on; the least share of it that is an axis' own.
+LEAST_SHARED, SHARED_BY, LEAST_OWN = 0.1, 5.0, 0.05
 #: Fewer differences of a stop show no noise of its own.
 LEAST_DIFFERENCES = 8
 
 
 def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
     """Noise of a sample (3) from differences of neighbours in a stop; 0 where they never differ."""
-    near = _differences(reading, visit)[0]
+    near = np.abs(_differences(reading, visit)[0])
     if not len(near):
         return np.zeros(3)
     robust = np.array([np.median(column) for column in near.T]) / MAD_PER_SIGMA
@@ -47,7 +49,7 @@ class NoiseTally:
     @staticmethod
     def of(reading: Floats, visit: NDArray[np.intp]) -> "NoiseTally":
         """Of readings (n, 3) of stops (n)."""
-        tally, near = NoiseTally(), _differences(reading, visit)[0]
+        tally, near = NoiseTally(), np.abs(_differences(reading, visit)[0])
         for axis in range(3):
             column = np.ascontiguousarray(near[:, axis])
             # Leading bits of a number are its size on a scale of equal shares.
@@ -84,33 +86,61 @@ def axis_noise(sigma: Floats, differences: int) -> Floats:
     if np.any(sigma <= 0) or differences < 1:
         return np.ones(3)
     logs = 2 * np.log(sigma)
-    apart = logs - logs.mean()
     # Two degrees of freedom are left of three logarithms.
-    shrunk = max(0.0, 1 - 2 * MEDIAN_LOG_VARIANCE / differences / max(float(apart @ apart), 1e-300))
-    variance = np.exp(np.clip(shrunk * apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE))
+    apart = drawn_to_chance(logs - logs.mean(), MEDIAN_LOG_VARIANCE / differences, 2)
+    variance = np.exp(np.clip(apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE))
     return np.asarray(np.sqrt(variance / variance.mean()))
+
+
+def drawn_to_chance(logs: Floats, variance: float, free: int) -> Floats:
+    """Logarithms (…), each known with a variance, so many of them free, drawn to 0 as far as chance alone makes them
+    differ (James and Stein)."""
+    return np.asarray(max(0.0, 1 - free * variance / max(float(np.sum(logs**2)), 1e-300)) * logs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisitDifferences:
     """Distances of neighbours in each stop (v), in noises of a sample: count (v) of them; square, middle (v, 3) mean
-    square, none above FURTHEST, and median; least (3) the smallest that is not 0; known: whether all axes scatter."""
+    square, none above FURTHEST, and median; product (v, 3) mean product of x and y, y and z, z and x; least (3) the
+    smallest that is not 0; known: whether all axes scatter."""
 
     count: NDArray[np.intp]
     square: Floats
     middle: Floats
+    product: Floats
     least: Floats
     known: bool
 
     @staticmethod
     def join(parts: "Sequence[VisitDifferences]", *, known: bool) -> "VisitDifferences":
         """Those of all parts, in their order; known: whether all axes scatter in any of them."""
-        count, square, middle = (np.concatenate([getattr(p, n) for p in parts]) for n in ("count", "square", "middle"))
-        return VisitDifferences(count, square, middle, np.min([p.least for p in parts], axis=0), known)
+        count = np.concatenate([p.count for p in parts])
+        square, middle, product = (
+            np.concatenate([getattr(p, n) for p in parts]) for n in ("square", "middle", "product")
+        )
+        return VisitDifferences(count, square, middle, product, np.min([p.least for p in parts], axis=0), known)
 
     def beside(self, ratio: Floats) -> "VisitDifferences":
         """The same in other noises of a sample, of which those that it is in are so many (3)."""
-        return replace(self, square=self.square * ratio**2, middle=self.middle * ratio, least=self.least * ratio)
+        both = ratio * np.roll(ratio, -1)
+        square, product = self.square * ratio**2, self.product * both
+        return replace(self, square=square, middle=self.middle * ratio, product=product, least=self.least * ratio)
+
+    def correlation(self) -> Floats:
+        """What the noise of two axes has in common (3, 3), as a correlation; the unit matrix where that is so little
+        that it changes no chance, or no more than chance makes it."""
+        found, weight = np.eye(3), self.count[:, None]
+        square, product = (np.sum(x * weight, axis=0) for x in (self.square, self.product))
+        if not self.known or np.any(square <= 0) or np.any(self.least > COARSE):
+            return found
+        shared = product / np.sqrt(square * np.roll(square, -1))
+        # Each difference has half of its square in common with the next.
+        error = np.sqrt(1.5 / max(int(self.count.sum()), 1))
+        if np.abs(shared).max() > max(SHARED_BY * error, LEAST_SHARED):
+            i = np.arange(3)
+            found[i, (i + 1) % 3] = found[(i + 1) % 3, i] = shared
+        # Of three that share nearly everything nothing is left of one.
+        return found if np.linalg.eigvalsh(found)[0] > LEAST_OWN else np.eye(3)
 
     def excess_variance(self) -> Floats:
         """Noise's square of each stop and axis (v, 3) beside that of all stops; 1 where chance explains it.
@@ -144,12 +174,15 @@ def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -
     stops = int(visit.max()) + 1 if len(visit) else 0
     near, of = _differences(reading, visit)
     known = not bool(np.any(sigma <= 0))
-    ratio = near / np.where(sigma > 0, sigma, 1.0)
+    signed = near / np.where(sigma > 0, sigma, 1.0)
     count = np.bincount(of, minlength=stops)
-    squares = np.minimum(ratio / np.sqrt(2), FURTHEST) ** 2
-    mean = np.stack([np.bincount(of, column, stops) for column in squares.T], axis=1) / np.maximum(count, 1)[:, None]
+    bounded, ratio = np.clip(signed / np.sqrt(2), -FURTHEST, FURTHEST), np.abs(signed)
+    square, product = (
+        np.stack([np.bincount(of, column, stops) for column in x.T], axis=1) / np.maximum(count, 1)[:, None]
+        for x in (bounded**2, bounded * np.roll(bounded, -1, axis=1))
+    )
     least = np.min(ratio, axis=0, initial=np.inf, where=ratio > 0)
-    return VisitDifferences(count, mean, _medians(ratio, of, count), least, known)
+    return VisitDifferences(count, square, _medians(ratio, of, count), product, least, known)
 
 
 def _medians(values: Floats, of: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:
@@ -166,9 +199,9 @@ def _medians(values: Floats, of: NDArray[np.intp], count: NDArray[np.intp]) -> F
 
 
 def _differences(reading: Floats, visit: NDArray[np.intp]) -> tuple[Floats, NDArray[np.intp]]:
-    """Distances (n, 3) of neighbours in a stop, and the stop of each."""
+    """Steps (n, 3) from neighbour to neighbour in a stop, and the stop of each."""
     within = visit[1:] == visit[:-1]
-    return np.abs(np.diff(reading, axis=0))[within], visit[1:][within]
+    return np.diff(reading, axis=0)[within], visit[1:][within]
 
 
 def _middle(logs: Floats, there: NDArray[np.bool_]) -> Floats:

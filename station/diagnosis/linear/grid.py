@@ -70,12 +70,14 @@ class VisitGrid:
 @dataclass(frozen=True, slots=True, eq=False)
 class RowLayout:
     """How numbers of the stops (v) become rows: the grid; keep (v, k, 3) from readings to numbers kept; sigma of a
-    contrast, of each axis (3) where they differ; unit (v) of each stop."""
+    contrast, or of each contrast and axis (B−1, k); unit (v) of each stop; apart (3, 3) what takes off the contrasts
+    what the axes share, None where they share nothing."""
 
     grid: VisitGrid
     keep: Floats
     sigma: float | Floats
     unit: Array
+    apart: Floats | None = None
 
     @property
     def keeps_axes_apart(self) -> bool:
@@ -105,12 +107,13 @@ class RowLayout:
 
     def scaled(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
         """Contrasts (v, B−1, 3, c) as `within` has them, in units of their noise."""
-        return np.asarray(self.within(dwell, stops) / np.reshape(self.sigma, (-1, 1)))
+        return np.asarray(self.within(dwell, stops) / np.asarray(self.sigma)[..., None])
 
     def within(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
-        """Contrasts (v, B−1, 3, …) as they are, or along the stimulus alone (v, B−1, 1, …) where a hand may turn."""
+        """Contrasts (v, B−1, 3, c) of which the axes share nothing, or along the stimulus alone (v, B−1, 1, c) where a
+        hand may turn."""
         if self.grid.k == 3:
-            return dwell
+            return dwell if self.apart is None else np.asarray(self.apart @ dwell)
         keep = self.keep[stops, 0]
         along = keep / np.linalg.norm(keep, axis=1, keepdims=True)
         return np.asarray(np.einsum("vi,vbi...->vb...", along, dwell)[:, :, None])
@@ -121,7 +124,7 @@ class RowLayout:
         slot = self.grid.slot[chosen]
         slot = np.where(slot >= 0, (np.cumsum(theirs) - 1)[slot], -1)
         unit = np.searchsorted(chosen, self.unit[theirs])
-        return RowLayout(VisitGrid(slot, self.grid.k), self.keep[theirs], self.sigma, unit), theirs
+        return RowLayout(VisitGrid(slot, self.grid.k), self.keep[theirs], self.sigma, unit, self.apart), theirs
 
 
 def visit_grid(visits: VisitTable, k: int) -> VisitGrid:

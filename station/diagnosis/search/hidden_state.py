@@ -53,7 +53,7 @@ def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]
     noise = space.free(rng.standard_normal((*space.live.shape, DRAWN)) * space.live[..., None])
     # The readings themselves are the last of all sets.
     sets = np.concatenate([noise, space.residual[..., None]], axis=2)
-    e = _calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot)
+    e = _alike(_calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot))
     return nothing | {name: frame.found(e, slot, space.dof) for name, frame in _frames(problem, stops, slot)}
 
 
@@ -99,6 +99,13 @@ def _calmed(e: Floats, slot: NDArray[np.intp]) -> Floats:
     usual = np.median(length[slot >= 0], axis=0) / MEDIAN_LENGTH
     e = e / usual * np.minimum(1.0, MOST_LENGTH / np.maximum(length / usual, 1e-300))
     return np.asarray(e / np.sqrt(np.sum(e**2, axis=(0, 1, 2, 3)) / (3 * np.count_nonzero(slot >= 0))))
+
+
+def _alike(e: Floats) -> Floats:
+    """The rows with each axis in its own noise, that of all units: a kind of sensor whose axes scatter apart is no
+    state of a unit."""
+    square = np.sum(e**2, axis=(0, 1, 2), keepdims=True)
+    return np.asarray(e * np.sqrt(np.mean(square, axis=3, keepdims=True) / np.maximum(square, 1e-300)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

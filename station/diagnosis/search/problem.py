@@ -65,8 +65,16 @@ def initial_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix:
         divisions.append(reduced)
     if np.any(reduced.excess != 1.0):
         divisions += [division.by_own_noise() for division in divisions]
+    if reduced.scene.recipe.pose_known and np.any(reduced.axis_correlation != np.eye(3)):
+        divisions += [replace(division, axis_correlation=np.eye(3)) for division in divisions]
     problems = [_plain_problem(division, allowance, matrix=matrix) for division in divisions]
-    return problems[0] if len(problems) == 1 else max(problems, key=lambda problem: problem.fit().space.profile)
+    return problems[0] if len(problems) == 1 else max(problems, key=_likelihood)
+
+
+def _likelihood(problem: ScoringProblem) -> float:
+    """Log-likelihood of the readings themselves, whatever was made of what their axes share."""
+    space, apart = problem.fit().space, problem.view.apart
+    return space.profile + space.dof / len(apart) * float(np.linalg.slogdet(apart)[1])
 
 
 def _plain_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool) -> ScoringProblem:
@@ -85,7 +93,7 @@ def _structure(view: ResidualView) -> FloorStructure:
     share = view.reduced.axis_noise**2 * view.reduced.axis_excess if view.grid.k == 3 else np.ones(1)
     # A length does not change when the part turns; what rounding leaves of that is no structure.
     turn = turn if view.grid.k == 3 else np.zeros_like(turn)
-    project = view.keep if view.grid.k == 1 else np.broadcast_to(np.eye(3), view.keep.shape)
+    project = view.keep if view.grid.k == 1 else np.broadcast_to(view.apart, view.keep.shape)
     return floor_structure(view.grid, (weight / weight.mean())[:, None] / share, turn, np.round(steps), project)
 
 

@@ -35,8 +35,8 @@ def _curve(h: Hypotheses, t: HypothesisTerm) -> FormulaCurve:
     index = next(i for i, item in enumerate(problem.accepted) if item.candidate.name == t.found.name)
     mean, _ = cause_contribution(problem, index)
     view = problem.view
-    moved = np.einsum("vki,vi->vk", view.keep, mean)
-    rest = np.einsum("vki,vi->vk", view.keep, view.reduced.mean - view.simulated()[0])
+    moved = np.einsum("vki,vi->vk", view.own, mean)
+    rest = np.einsum("vki,vi->vk", view.own, view.reduced.mean - view.simulated()[0])
     i = int(np.argmax(np.sum(moved**2, axis=0)))
     signal = sensor_signal(view.scene, view.active)
     code, names = view.scene.group(term.of)

@@ -65,13 +65,13 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
 
 
 def _projected(view: ResidualView, readings: Floats) -> Floats:
-    return np.asarray(np.einsum("vki,vi->vk", view.keep, readings))
+    return np.asarray(np.einsum("vki,vi->vk", view.own, readings))
 
 
 def _without_calibration(problem: ScoringProblem, effect: Floats) -> Floats:
     """An effect (v, k) without what each unit's calibration takes up of it, by least squares."""
     view = problem.view
-    columns = np.einsum("vki,vip->vkp", view.keep, view.calibration(problem.matrix))
+    columns = np.einsum("vki,vip->vkp", view.own, view.calibration(problem.matrix))
     projected, unit = _projected(view, effect), view.scene.visits.unit.code
     remaining = np.empty_like(projected)
     for u in range(len(view.base.offset)):

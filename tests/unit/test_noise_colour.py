@@ -1,0 +1,119 @@
+"""Noise as sensors have it, not as a simulation draws it: differenced, slow, shared by axes, with a bumped stop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.diagnosis.data.contrast_noise import without_bumps
+from station.diagnosis.data.reduce import ReducedScene, reduce_samples
+from station.diagnosis.data.visit_noise import sample_noise, visit_differences
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search import hidden_state
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.domain.core.types import Floats, SampleTable
+from station.model.model_file import Model
+from tests.blind.bench import hide
+from tests.blind.hidden import KNOWN
+from tests.blind.recipes import recipe
+
+RECIPE, UNITS = recipe(), 2
+ALLOWED = FloorAllowance.of(RECIPE, Model())
+
+
+def quiet() -> tuple[SampleTable, int, int]:
+    """A table without a cause nearly without noise, its stops, and the samples of each."""
+    made, _ = hide(RECIPE, None, 1, units=UNITS)
+    stops = int(np.count_nonzero(np.diff(made.visit, prepend=-1)))
+    return made, stops, len(made) // stops
+
+
+def with_noise(noise: Floats) -> ReducedScene:
+    """The table reduced, with noise (v, n, 3) ten times its own."""
+    made, _, _ = quiet()
+    return reduce_samples(RECIPE, replace(made, reading=made.reading + 1e-2 * noise.reshape(-1, 3)))
+
+
+def beside_expected(found: ReducedScene) -> Floats:
+    """Noise of each contrast beside the rms of all axes that it has in truth (B−1, 3), by the readings of many stops:
+    next to no calibration is in a contrast."""
+    return np.asarray(found.contrast_noise * found.sigma / np.sqrt(np.mean(found.contrast**2, axis=0)))
+
+
+def test_contrasts_of_white_noise_have_the_noise_of_a_sample(rng: np.random.Generator) -> None:
+    _, stops, n = quiet()
+    assert with_noise(rng.standard_normal((stops, n, 3))).contrast_noise == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("colour", ["differenced", "slow", "one axis slow"])
+def test_contrasts_have_the_noise_that_their_colour_gives_them(colour: str, rng: np.random.Generator) -> None:
+    _, stops, n = quiet()
+    white = rng.standard_normal((stops, n + 1, 3))
+    slow = white[:, 1:] + 0.4 * np.cumsum(rng.standard_normal((stops, n, 3)), axis=1)
+    noise = {
+        "differenced": np.diff(white, axis=1),
+        "slow": slow,
+        "one axis slow": np.concatenate([white[:, 1:, :2], slow[..., 2:]], axis=2),
+    }[colour]
+    found = with_noise(noise)
+    # Of 40 free stops an axis' noise is known to 1/√80 = 11 %, and it is drawn in by as much.
+    assert beside_expected(found) == pytest.approx(1.0, abs=0.4)
+    away = found.contrast_noise[:, 2].max()
+    assert away < 0.8 if colour == "differenced" else away > 1.4
+
+
+@pytest.mark.parametrize("cause", ["settling", "filter-lag", "lever-arm"])
+def test_what_every_arrival_leaves_is_no_noise(cause: str) -> None:
+    loud, _ = hide(RECIPE, KNOWN[cause], 3, units=UNITS, d=60.0)
+    assert np.max(np.abs(reduce_samples(RECIPE, loud).contrast_noise - 1)) < 0.3
+
+
+def test_axes_that_share_noise_are_told_apart_and_others_left_alone(rng: np.random.Generator) -> None:
+    _, stops, n = quiet()
+    shared = rng.standard_normal((stops, n, 3))
+    shared[..., 1] = 0.6 * shared[..., 0] + 0.8 * shared[..., 1]
+    view = initial_problem(with_noise(shared), ALLOWED).view
+    assert view.reduced.axis_correlation[0, 1] == pytest.approx(0.6, abs=5 / np.sqrt(stops * n))
+    rest = np.einsum("vki,vi->vk", view.keep, view.reduced.mean - view.simulated()[0])
+    # 44 of 48 stops are free: four standard errors of a correlation of two axes that share nothing.
+    assert abs(np.asarray(np.corrcoef(rest.T))[0, 1]) < 4 / np.sqrt(44)
+    inside = view.layout.scaled(view.reduced.contrast[..., None])[..., 0].reshape(-1, 3)
+    assert abs(np.asarray(np.corrcoef(inside.T))[0, 1]) < 4 / np.sqrt(len(inside))
+    alone = initial_problem(with_noise(rng.standard_normal((stops, n, 3))), ALLOWED).view
+    assert alone.keeps_axes
+    assert alone.keep is alone.own
+
+
+def test_noise_that_axes_share_from_sample_to_sample_alone_leaves_the_means_apart(rng: np.random.Generator) -> None:
+    """A hum that both axes feel averages out: the means say whether they share anything."""
+    _, stops, n = quiet()
+    both = (-1.0) ** np.arange(n)[:, None] * rng.standard_normal((stops, 1, 1)) * [1.0, 1.0, 0.0]
+    reduced = with_noise(rng.standard_normal((stops, n, 3)) + both)
+    assert reduced.axis_correlation[0, 1] > 0.3
+    assert initial_problem(reduced, ALLOWED).view.keeps_axes
+
+
+def test_two_axes_of_which_one_is_a_copy_share_nothing_that_could_be_taken_off(rng: np.random.Generator) -> None:
+    reading, visit = np.repeat(rng.standard_normal((400, 1)), 3, axis=1), np.repeat(np.arange(20), 20)
+    differences = visit_differences(reading, visit, sample_noise(reading, visit))
+    assert np.array_equal(differences.correlation(), np.eye(3))
+
+
+def test_a_sensor_whose_axes_scatter_apart_is_in_no_hidden_state(rng: np.random.Generator) -> None:
+    _, stops, n = quiet()
+    # Noise of a stop's mean that no sample shows, as large as two of its samples' on one axis.
+    drift = 0.5 * rng.standard_normal((stops, 1, 3)) * [1.0, 0.0, 0.0]
+    problem = initial_problem(with_noise(rng.standard_normal((stops, n, 3)) + drift), ALLOWED)
+    floor = problem.fit().floor
+    assert isinstance(floor, NoiseFloor)
+    assert not any(found.surprise for found in hidden_state.find_states(problem, floor).values())
+
+
+def test_one_bumped_stop_is_drawn_in_and_what_many_show_is_not(rng: np.random.Generator) -> None:
+    contrast = rng.standard_normal((40, 3, 3))
+    contrast[7, 0, 2] = 60.0
+    calm = without_bumps(contrast, np.ones(3))
+    assert np.abs(calm).max() < 6.0
+    assert np.array_equal(np.delete(calm, 7, axis=0), np.delete(contrast, 7, axis=0))
+    contrast[::4, 0, 2] = 60.0
+    assert without_bumps(contrast, np.ones(3)) is contrast
