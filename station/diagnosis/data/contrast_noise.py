@@ -9,7 +9,7 @@ the drive.
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.visit_noise import FURTHEST, MAD_PER_SIGMA, MAX_LOG_VARIANCE, drawn_to_chance
+from station.diagnosis.data.visit_noise import DIFFERENT_BY, FURTHEST, MAD_PER_SIGMA, MAX_LOG_VARIANCE, drawn_to_chance
 from station.domain.core.types import Floats
 from station.model.scene import Scene
 
@@ -36,8 +36,8 @@ def without_bumps(contrast: Floats, sigma: Floats) -> Floats:
 
 def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) -> Floats:
     """Noise (B−1, 3) of contrasts (v, B−1, 3) of stops whose means are (v, 3), beside the rms of sigma (3), that of a
-    sample of each axis; drawn to sigma as far as chance makes it differ (James and Stein): contrasts of all axes
-    together first, then each axis by itself."""
+    sample of each axis; that where chance explains the rest, and drawn to it as far as chance makes it differ (James
+    and Stein): contrasts of all axes together first, then each axis by itself."""
     blocks, rms = contrast.shape[1], float(np.sqrt(np.mean(sigma**2)))
     expected = np.broadcast_to(sigma / (rms or 1.0), (blocks, 3))
     there = np.all(contrast != 0, axis=(1, 2))
@@ -49,7 +49,8 @@ def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) 
     logs = np.log(np.stack(squares, axis=1)) - 2 * np.log(expected * rms)
     error = SQUARES_LOG_VARIANCE / min(free)
     common = logs.mean(axis=1, keepdims=True)
-    drawn = drawn_to_chance(common, error / 3, blocks) + drawn_to_chance(logs - common, error, 2 * blocks)
+    drawn = drawn_to_chance(common, error / 3, blocks, DIFFERENT_BY)
+    drawn = drawn + drawn_to_chance(logs - common, error, 2 * blocks, DIFFERENT_BY)
     return np.asarray(expected * np.exp(np.clip(drawn, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE) / 2))
 
 

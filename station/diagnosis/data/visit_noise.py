@@ -92,10 +92,11 @@ def axis_noise(sigma: Floats, differences: int) -> Floats:
     return np.asarray(np.sqrt(variance / variance.mean()))
 
 
-def drawn_to_chance(logs: Floats, variance: float, free: int) -> Floats:
+def drawn_to_chance(logs: Floats, variance: float, free: int, beyond: float = 0.0) -> Floats:
     """Logarithms (…), each known with a variance, so many of them free, drawn to 0 as far as chance alone makes them
-    differ (James and Stein)."""
-    return np.asarray(max(0.0, 1 - free * variance / max(float(np.sum(logs**2)), 1e-300)) * logs)
+    differ (James and Stein); all of them 0 where their squares are not so many standard errors beyond it."""
+    squares = float(np.sum(logs**2)) / variance
+    return np.asarray((1 - free / squares if squares > free + beyond * np.sqrt(2 * free) else 0.0) * logs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
