@@ -53,7 +53,7 @@ def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]
     noise = space.free(rng.standard_normal((*space.live.shape, DRAWN)) * space.live[..., None])
     # The readings themselves are the last of all sets.
     sets = np.concatenate([noise, space.residual[..., None]], axis=2)
-    e = _alike(_calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot))
+    e = _calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot)
     return nothing | {name: frame.found(e, slot, space.dof) for name, frame in _frames(problem, stops, slot)}
 
 
@@ -85,6 +85,7 @@ class _Frame:
         """What the last of some sets of white rows (U, R, V, 3, n) shows of a state."""
         names, code = np.unique(self.whose, return_inverse=True)
         member = (code.reshape(-1) == np.arange(len(names))[:, None])[names >= 0].astype(float)
+        e = _alike(e) if self.effect is None else e
         tests = [_Directions.of(e, self.effect, member, slot, kept) for kept in KEPT]
         chance = len(KEPT) * min(_chance(test.statistic) for test in tests)
         # Not every one of them need have a state; its size is of one kind where it has.
