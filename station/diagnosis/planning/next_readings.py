@@ -51,7 +51,9 @@ class NextReadings:
 
     def sets(self, candidate: Candidate, size: float, count: int, rng: np.random.Generator) -> NullNoise:
         """So many sets in which a cause is true whose coefficients have this rms."""
-        rows, place = accepted_columns(accept_candidate(candidate, self._hit(candidate, rng), size), self.problem.view)
+        rows, place = accepted_columns(
+            accept_candidate(candidate, self._hit(candidate, rng), size), self.problem.view.layout
+        )
         own = self.problem.known.own
         known = DataColumns.concatenate([own, rows])
         theta = self._drawn(known, own.stop.shape[-1], size, count, rng, own=place.own)

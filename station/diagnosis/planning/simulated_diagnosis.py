@@ -128,7 +128,7 @@ class SimulatedDiagnosis:
             candidate = self._candidates[i]
             plain = candidate.plain or candidate
             hit = np.ones(len(plain.names))
-            self._axes[i] = signature_axes(plain, self._view, self._seen_by.space, hit)
+            self._axes[i] = signature_axes(plain, self._view.layout, self._seen_by.space, hit)
         return self._axes[i]
 
     def _places(self, name: str) -> list[int]:
