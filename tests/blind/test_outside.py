@@ -241,19 +241,24 @@ def test_a_cause_beside_others_is_told_from_what_it_cannot_be() -> None:
     assert not found["nest-tilt"].indistinguishable_from
 
 
-def a_loop(cut_s: float) -> tuple[Recipe, SampleTable]:
-    """Two hours in one pose from −18 to 74 °C and back, 5 samples a second, in visits of a length: a cubic on each
-    axis, and a lag of the third behind its thermometer."""
+#: Coefficients of (T − 28 °C)/46 °C cubed, squared and as it is, of each axis (3, 3): all bend, or the third alone.
+ALL_BEND = 1e-3 * np.array([[0.3, 0.1, -14.0], [0.6, 0.2, 8.0], [2.0, -1.5, 20.0]])
+ONE_BENDS = 1e-3 * np.array([[0.0, 0.0, 0.6], [0.0, 0.0, 0.9], [0.9, -0.6, 1.5]])
+
+
+def a_loop(cut_s: float, bends: Array = ALL_BEND, rate_hz: float = 5.0) -> tuple[Recipe, SampleTable]:
+    """Two hours in one pose from −18 to 74 °C and back, in visits of a length: a curve of each axis, and a lag of the
+    third behind its thermometer."""
     rng = np.random.default_rng(SEED)
-    t = np.arange(36_000) / 5.0
+    t = np.arange(int(7200 * rate_hz)) / rate_hz
     true = -18 + 92 * np.sin(np.pi * t / t[-1]) ** 2
     bend = np.vander((true - 28) / 46, 4)[:, :3]
-    reading = bend @ (1e-3 * np.array([[0.3, 0.1, -14.0], [0.6, 0.2, 8.0], [2.0, -1.5, 20.0]]))
+    reading = bend @ bends
     reading[:, 2] += 0.02 * np.gradient(true, t) + 1.003
     noise = rng.standard_normal(reading.shape) * [3e-4, 3e-4, 5e-4]
     whole = recipe(1)
     only = type(whole.positions[0]).model_validate({"name": "only", "up": "+z"})
-    device = whole.device.model_copy(update={"rate_hz": 5.0})
+    device = whole.device.model_copy(update={"rate_hz": rate_hz})
     one = np.zeros(len(t), np.int32)
     table = SampleTable(
         unit=Labels(("A",), one), run=one, visit=np.floor(t / cut_s + 1e-9).astype(np.int32),
@@ -271,6 +276,23 @@ def test_a_loop_of_temperature_is_a_cubic_and_its_rate_however_it_is_cut() -> No
     sizes = {(p["name"], p["axis"]): p for p in shown[0]["causes"][0]["parameters"]}
     cube = sizes["coefficient3", "z"]
     assert cube["value"] == pytest.approx(-14e-3 / 46**3, rel=0.02)
+
+
+def test_in_one_pose_the_curve_of_one_axis_is_its_offset_and_no_gain_beside_straight_lines() -> None:
+    """A gain of the axis that is up, by temperature, would follow it as well, with fewer numbers."""
+    found = document(diagnosis_of(*a_loop(60.0, ONE_BENDS, rate_hz=1.0)))
+    assert {c["effect"] for c in found["causes"]} == {"offset-temperature", "temperature-rate"}
+    assert found["verdict"] == "named"
+    curve = next(c for c in found["causes"] if c["effect"] == "offset-temperature")
+    sizes = {(p["name"], p["axis"]): p for p in curve["parameters"]}
+    about = sizes["about", None]["value"]
+    for k, axis in enumerate("xyz"):
+        along = np.polynomial.Polynomial([0, *ONE_BENDS[::-1, k]])(np.polynomial.Polynomial([about - 28, 1]) / 46)
+        for power, name in enumerate(("coefficient", "coefficient2", "coefficient3"), 1):
+            shown, true = sizes[name, axis], np.append(along.coef, np.zeros(4))[power]
+            assert abs(shown["value"] - true) < 4 * shown["std"]
+            # The noise of 96 means over 46 degrees, thrice for what line and cube have in common.
+            assert shown["std"] < 3 * np.sqrt(2 / 96) * (5e-4 / np.sqrt(75)) * (2.0 / 46) ** power
 
 
 def test_a_tone_far_below_the_noise_of_a_dwell_is_found_and_what_rings_after_a_move_is_none() -> None:

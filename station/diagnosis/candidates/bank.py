@@ -105,6 +105,16 @@ class Candidate:
         return self.pattern == "scan" and self.of == "visit" and not self.moving
 
     @property
+    def even(self) -> "Candidate":
+        """The same with columns of coefficients that are usually as large as each other: of raw ones a cube's would
+        hide a straight line's behind their rounding."""
+        if not self.axis_scale:
+            return self
+        scale, dwell = np.array(self.axis_scale), self.dwell
+        columns = StopColumns.of(self.stop * scale, None if dwell is None else dwell * scale)
+        return replace(self, columns=columns, axis_scale=())
+
+    @property
     def axes(self) -> int:
         """Coefficients a group."""
         return self.columns.count
@@ -230,8 +240,11 @@ def jump_times_between(view: ResidualView, low: float, high: float) -> tuple[flo
 
 
 def is_testable(effect: Effect, view: ResidualView) -> bool:
-    """Whether everything the cause depends on was recorded."""
-    return all(view.scene.is_recorded(name) for name in effect.needs)
+    """Whether everything the cause depends on was recorded, and no other of the library looks the same: in one pose
+    what changes a gain is what changes an offset."""
+    of_gain = effect.drawn_over == "temperature-input"
+    recorded = all(view.scene.is_recorded(name) for name in effect.needs)
+    return recorded and not (of_gain and view.feels_one_stimulus)
 
 
 def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
@@ -250,11 +263,8 @@ def _with_even_powers(c: Candidate, view: ResidualView) -> Candidate:
         return c
     length = np.sqrt(np.mean(c.stop**2, axis=(0, 1)).reshape(c.effect.degree, -1).sum(1))
     scale = np.repeat(length[0] / np.maximum(length, 1e-300), c.axes // c.effect.degree)
-    return replace(
-        c,
-        columns=StopColumns.in_bank(view, c.stop * scale),
-        plain=replace(c, axis_scale=tuple(float(x) for x in scale)),
-    )
+    plain = replace(c, axis_scale=tuple(float(x) for x in scale))
+    return replace(c, columns=StopColumns.in_bank(view, c.stop * scale), plain=plain)
 
 
 def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:

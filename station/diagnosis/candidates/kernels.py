@@ -97,7 +97,10 @@ def kernel_candidates(view: ResidualView) -> list[Candidate]:
         _swinging_gain,
     )
     makers = (*still, motion_kernels, _changing_rig, dwell_kernels)
-    return [candidate for make in makers for candidate in make(view)]
+    found = [candidate for make in makers for candidate in make(view)]
+    # In one pose what would change with the input, or from position to position, is an offset on some of the axes.
+    same = {"input", "position"} if view.feels_one_stimulus else set[str]()
+    return [candidate for candidate in found if not same.intersection(covariates_of(candidate.name))]
 
 
 def covariates_of(name: str) -> tuple[str, ...]:

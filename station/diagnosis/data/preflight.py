@@ -100,12 +100,12 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     preflight_checks.check_signal(recipe, found, size)
     moving, merged = visit_motion.moving(motion, unit, size)
     out = moving | merged
-    preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
     poses = _poses(recipe, mean[~out], unit[~out])
-    if poses < LEAST_ORIENTATIONS:
-        preflight_checks.check_axes_agree(recipe, table, mean[~out], unit[~out])
     turned = preflight_checks.one_turned_unit(recipe, mean[~out], unit[~out])
     preflight_checks.check_poses(recipe, poses, turned)
+    preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
+    if poses < LEAST_ORIENTATIONS:
+        preflight_checks.check_axes_agree(recipe, table, mean[~out], unit[~out])
     lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))
     warm = table.values.get("temperature_degC")
     lengths = np.linalg.norm(mean[~out] if (~out).any() else mean, axis=1)

@@ -328,7 +328,8 @@ def _times_of_blocks(late: Floats, cell: NDArray[np.intp], count: Floats) -> tup
 
 def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
     """The scene at the nodes of every block, whose times are late (v, B) about the stop's mean and spread (v, B); what
-    is a clock runs on, the temperature at its rate, and the rest stays as at the stop's mean."""
+    is a clock runs on, the temperature at its rate, this as it changes from stop to stop, and the rest stays as at the
+    stop's mean."""
     later = (late[..., None] + spread[..., None] * NODES).ravel()
     visit = np.repeat(scene.visit, late.shape[1] * len(NODES))
     clocks = ("time_s", "since_arrival_s", "since_power_s", "since_clamp_s")
@@ -336,4 +337,14 @@ def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
     moved: dict[str, Any] = {k: x[visit] + (later if k in clocks else 0.0) for k, x in rows.items() if x is not None}
     if scene.temperature_degC is not None and scene.temperature_rate is not None:
         moved["temperature_degC"] = moved["temperature_degC"] + scene.temperature_rate[visit] * later
+        moved["temperature_rate"] = moved["temperature_rate"] + _rate_change(scene)[visit] * later
     return replace(scene, visit=visit, **moved)
+
+
+def _rate_change(scene: Scene) -> Floats:
+    """How fast the rate of temperature changes (v), degC/s², at each stop of a scene; 0 in runs of one or two."""
+    change, rate = np.zeros(len(scene)), scene.require("temperature_rate")
+    for rows in scene.visits.run_slices():
+        if rows.stop - rows.start > 2:
+            change[rows] = np.gradient(rate[rows], scene.time_s[rows])
+    return change

@@ -173,6 +173,11 @@ class ResidualView:
         strength = float(np.max(np.linalg.norm(a, axis=1), initial=1e-300))
         return np.asarray(np.sqrt(spread) > MIN_GAIN_STIMULUS * strength, float)[unit]
 
+    @property
+    def feels_one_stimulus(self) -> bool:
+        """Whether no axis of any unit has a gain to fit: what acts by the input is then an offset."""
+        return not self.stimulated().any()
+
     def calibration(self, matrix: bool) -> Floats:
         """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix; zero for a gain that these
         stops cannot show."""

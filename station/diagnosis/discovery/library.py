@@ -104,6 +104,8 @@ def _library(view: ResidualView, signal: Signal, rows: NDArray[np.bool_], *, mov
     grids = _Grids(view)
     recorded = [m for m in MODULATORS.values() if (m.name in MOVING_MODULATORS) == moving and grids.shows(m)]
     names = MOVING_INPUTS if moving else [n for n, f in INPUTS.items() if not f.frame]
+    if view.feels_one_stimulus:
+        names = [n for n in names if n == "one"]
     inputs = [s for n in names for s in _shapes(INPUTS[n], grids, signal, rows)]
     modulators = [s for m in recorded for s in _shapes(m, grids, signal, rows)]
     made, first = [], 0

@@ -123,10 +123,11 @@ def students_share(dof: int) -> float:
 
 def _second_moment(bare: ScoringProblem, i: int, item: AcceptedCause, value: Floats, fitted: FittedFloor) -> Floats:
     """Mean square (groups, axes) of the coefficients about value, over the amplitudes that the cause may have."""
-    candidate = item.candidate
-    own = score_bank(bare, [build_bank([candidate], bare.view.layout, moving=candidate.moving)], fitted.floor)
-    found = own.amplitudes(candidate, bare.view, item.hit)
-    most = max(candidate.usual_most, float(item.std.min()))
+    candidate, even = item.candidate, item.candidate.even
+    own = score_bank(bare, [build_bank([even], bare.view.layout, moving=even.moving)], fitted.floor)
+    found = own.amplitudes(even, bare.view, item.hit)
+    usual = np.array(candidate.axis_scale) if candidate.axis_scale else 1.0
+    most = max(candidate.usual_most, float((item.std / usual).min()))
     weights = np.exp(found.likelihood - found.likelihood.max())
     weights /= weights.sum()
     moment, white = np.zeros(value.shape), None

@@ -57,7 +57,7 @@ def _inverse(m: Floats) -> Floats:
 
 def signature_axes(candidate: Candidate, layout: RowLayout, space: ResidualSpace, hit: Floats) -> SignatureAxes:
     """What a candidate can move. hit (groups): 1 where a group acts."""
-    rows, place = accepted_columns(accept_candidate(candidate, hit > 0, 1.0), layout)
+    rows, place = accepted_columns(accept_candidate(candidate.even, hit > 0, 1.0), layout)
     columns = space.project(rows)
     normal = columns.transpose(0, 2, 1) @ columns
     cross = None if place.own else np.einsum("umk,umc->kc", columns, space.shared_basis)
@@ -124,7 +124,7 @@ def _separation(
 ) -> float:
     """d·√κ against one. What an error of its covariate does is no column of any size."""
     if other.plain is None or not has_covariate_error(other):
-        return float(np.sqrt(max(_apart(found, accept_candidate(other, hit > 0, 1.0), layout, space), 0.0)))
+        return float(np.sqrt(max(_apart(found, accept_candidate(other.even, hit > 0, 1.0), layout, space), 0.0)))
     apart = _apart(found, accept_candidate(other.plain, hit > 0, 1.0), layout, space)
     gained = _gained_by_error(found, other, other.plain.axes, layout, space)
     return float(np.sqrt(max(apart - gained, 0.0)))
