@@ -59,7 +59,7 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     best, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
     if best < 0.3:
         raise SamplesError("no-table-of-numbers", file=file)
-    closed = _closed(_tail(content), delimiter)
+    closed = _closed(content, delimiter)
     rows = [(i, split(line, delimiter, closed=closed)) for i, line in content]
     usual = _numeric_share([cells for _, cells in rows if len(cells) == columns][-50:])
     like_rows = (i for i, cells in rows if len(cells) == columns and _numeric_share([cells]) >= 0.75 * usual)
@@ -143,7 +143,7 @@ def cell_value(cell: str, decimal: str) -> float:
 def score(lines: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
     """How much of a text is rows of numbers by a delimiter (0 … 1), and how many cells they have."""
     tail = _tail(lines)
-    closed = _closed(tail, delimiter)
+    closed = _closed(lines, delimiter)
     rows = [split(line, delimiter, closed=closed) for line in tail]
     ((columns, times),) = Counter(len(cells) for cells in rows).most_common(1) or ((0, 0),)
     if columns < 2:
@@ -157,10 +157,16 @@ def _tail(lines: list[tuple[int, str]]) -> list[str]:
     return [line for _, line in lines[len(lines) // 2 :] or lines]
 
 
-def _closed(lines: list[str], delimiter: str) -> bool:
-    """Whether a delimiter ends each row; where it ends some, their last cell is empty."""
-    ends = sum(line.rstrip("\r\n ").endswith(delimiter) for line in lines)
-    return ends > CLOSED * len(lines)
+def _closed(lines: list[tuple[int, str]], delimiter: str) -> bool:
+    """Whether a delimiter ends each row. Where it ends some, or the header names one column more, the last cell is
+    empty."""
+    tail = _tail(lines)
+    ending = [line for line in tail if line.rstrip("\r\n ").endswith(delimiter)]
+    if len(ending) <= CLOSED * len(tail):
+        return False
+    cells = len(split(ending[-1], delimiter, closed=False))
+    heads = (split(line, delimiter, closed=False) for _, line in lines[: len(lines) - len(tail)])
+    return not any(len(head) == cells and head[-1] and not any(map(is_number, head)) for head in heads)
 
 
 def _numeric_share(rows: list[list[str]]) -> float:
