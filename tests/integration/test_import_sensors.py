@@ -84,6 +84,23 @@ def test_a_compass_turned_all_round_with_few_stops_gives_a_visit_a_reading(
     check(understood(capsys, str(path)), visits_by="readings", reading_unit="uT")
 
 
+@pytest.mark.parametrize("iron", [(60, -75, 410), (-20, 15, 30)])
+def test_a_compass_is_found_beside_the_offsets_that_its_device_holds(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, iron: tuple[int, int, int]
+) -> None:
+    """Without a header, with some rests; offsets of as constant a size, which the device improves now and then."""
+    way = swept(rng)
+    still = [np.repeat(way[[k]], 150, axis=0) for k in (0, 500, 900, 1200, -1)]
+    y = np.concatenate([still[0], way[:500], still[1], way[500:900], still[2], way[900:1200], *still[3:]])
+    own = np.repeat(np.array(iron) + rng.normal(0, 1, (15, 3)), len(y) // 15 + 1, axis=0)[: len(y)]
+    path = tmp_path / "magnetometer.txt"
+    rows = np.c_[np.arange(len(y)) / 50, y * 46 + rng.normal(0, 0.4, y.shape) + iron, own]
+    np.savetxt(path, rows, "%.4f")
+    one = understood(capsys, str(path), "--recipe", "magnetometer-hand-held")
+    check(one, visits_by="readings", raw_unit="uT")
+    assert one["axes"] == ["column 1", "column 2", "column 3"]
+
+
 def test_an_accelerometer_read_while_it_is_turned_is_remarked(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:

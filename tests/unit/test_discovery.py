@@ -17,7 +17,7 @@ from station.diagnosis.discovery.merge import TermPair
 from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
-from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise, prior_chances
+from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise, prior_chances, visit_noise
 from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import (
     TermFit,
@@ -278,6 +278,16 @@ def test_two_terms_are_one_law_where_the_second_may_be_of_the_first_ones_family(
     assert (found is not None) == one_law
     assert found is None or (found.term.family, found.term.axes) == (("other", "decay"), ("x:y", "y:z"))
     assert TermPair(both, 0, 1, (one,), (two,)).as_one(()) is None
+
+
+def test_single_readings_have_the_noise_of_the_floor_that_fits() -> None:
+    """They scatter within no visit; a floor of nothing is none to whiten by."""
+    table, _ = hide(recipe(1), law, 7, d=32.0)  # type: ignore[arg-type]
+    reduced = replace(reduce_samples(recipe(1), table), sigma=0.0)
+    problem = initial_problem(reduced, FloorAllowance.of(recipe(1), Model()))
+    floor = visit_noise(problem)
+    assert floor.noise == problem.fit().floor.noise > 0
+    assert problem.space(floor, moving=False).rest > 0
 
 
 def test_a_wave_that_only_follows_a_chirp_leaves_no_noise() -> None:

@@ -67,7 +67,7 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
         found.append(_at_levels(view, _swings(view), (of,)))
     if cause is not None:
         found += [_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view)]
-    every = chain.from_iterable(found)
+    every: Iterable[Candidate] = chain.from_iterable(found)
     if view.feels_one_stimulus:
         every = (law for law in every if "input" not in covariates_of_law(law.name))
     return (replace(law, name=f"{law.name}/{i}") for i, law in enumerate(every))

@@ -67,8 +67,11 @@ def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
 
 
 def visit_noise(problem: ScoringProblem) -> NoiseFloor:
-    """The floor that the scatter of the samples within the visits makes, without any of the visits' own."""
+    """The floor that the scatter of the samples within the visits makes, without any of their own. Single readings
+    show none: the floor that fits is theirs."""
     reduced = problem.view.reduced
+    if not reduced.sigma > 0:
+        return NoiseFloor(problem.fit().floor.noise, 0.0, 0.0)
     return NoiseFloor(float(reduced.sigma / np.sqrt(reduced.count.sum(1).mean())), 0.0, 0.0)
 
 

@@ -208,15 +208,15 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     """Whether readings (n, 3) do not turn; 0 where their magnitude is of a unit, 1 of counts, which any
     number is near, 2 of another sensor's; its relative spread."""
     means, spread = _means_and_spread(reading)
-    if quantity.unit == "uT" and np.isfinite(spread):
-        # Iron moves the centre of a compass.
-        spread = min(spread, visits.off_ellipsoid(np.nan_to_num(reading)))
+    off = visits.off_ellipsoid(np.nan_to_num(reading)) if quantity.unit == "uT" and np.isfinite(spread) else np.inf
+    # Iron moves the centre of a compass, further than the field reaches.
+    spread = min(spread, off)
     size = float(np.median(np.linalg.norm(means, axis=1)))
     # From rest to rest: a turn rate at rest is the same again, however it was turned between.
     scatter = np.linalg.norm(_stretches(reading).std(axis=1), axis=1)
     quiet = scatter <= np.median(scatter)
     turn = float(np.linalg.norm(means[quiet].std(axis=0)))
-    turns = turn > max(LEAST_TURN * size, float(np.median(scatter)))
+    turns = turn > max(LEAST_TURN * size, float(np.median(scatter))) or off < visits.NEAR_ELLIPSOID
     whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
     if not turns or not np.isfinite(spread):
         still = quantity.unit == "g" and not whole and _is_gravity(size, quantity)

@@ -80,7 +80,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     edges, names, declared = _declared(table, roles, options, usable, raw)
     if declared == "shown-blocks" and ticks.unit != "none":
         edges, names, declared = None, None, None
-    means = _rest_means(ticks.time_s, raw, edges)
+    means = _rest_means(ticks.time_s, raw, edges, quantity)
     if of_axes is None:
         axis_units.check(table, roles.axes, means, quantity)
         scale = _scale(table, roles, options, quantity, means, raw)
@@ -190,14 +190,15 @@ def _declared(
     return (visits.blocks(table.source, len(raw), length), None, "shown-blocks") if length else (None, None, None)
 
 
-def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None) -> Floats:
-    """Mean raw readings (k, 3) at rest, or of parts where nothing rests."""
+def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None, quantity: Quantity) -> Floats:
+    """Mean raw readings (k, 3) at rest, or of parts where nothing rests; of a compass that goes round its ellipsoid all
+    readings, as a field shows at any time."""
     if edges is None:
         try:
             edges = rest_segments.find(time_s, raw)
         except SamplesError:
             edges = np.zeros((0, 2), np.int64)
-    if len(edges) < LEAST_RESTS and visits.is_pose_each(raw):
+    if (len(edges) < LEAST_RESTS or quantity.unit == "uT") and visits.is_pose_each(raw):
         return raw
     if not len(edges):
         rows = min(50, len(raw))
