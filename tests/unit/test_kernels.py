@@ -12,6 +12,7 @@ from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import mean_and_contrasts, reduce_samples
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.model.forward import resting_stimulus
 from station.model.model_file import Model
@@ -181,6 +182,15 @@ def _air_that_rises(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray((np.exp(-since / 60.0) * a[:, 2])[:, None] * rng.standard_normal(3))
 
 
+def _cable_that_bends(view: ResidualView, rng: np.random.Generator) -> Floats:
+    R, previous = view.scene.visits.nest_R, view.scene.visits.previous
+    wound = np.zeros(len(R))
+    for i, before in enumerate(previous):
+        if before >= 0:
+            wound[i] = wound[before] + rotation.to_vector(R[i] @ R[before].T)[0]
+    return np.asarray(np.sin(0.4 * wound)[:, None] * rng.standard_normal(3))
+
+
 def _crosstalk_by_its_own_size(view: ResidualView, rng: np.random.Generator) -> Floats:
     a = resting_stimulus(view.scene)
     return np.asarray(np.roll(a, 1, axis=1) * a**2 * rng.standard_normal(3))
@@ -231,6 +241,7 @@ def _heat_of_a_hand(view: ResidualView, rng: np.random.Generator) -> Floats:
         (_at_one_end, "input", 3, 1e-9),
         (_position_before_the_last, "order", 75, 1e-9),
         (_heat_of_a_hand, "time", 18, 0.05),
+        (_cable_that_bends, "order", 9, 0.25),
     ],
 )
 def test_a_law_is_followed_in_few_numbers_under_its_own_words(

@@ -7,9 +7,10 @@ grease, glue and rubber forget over several visits, and what the motors heated o
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.kernel_columns import each_axis, kernels_at, own_axis, steps_before
+from station.diagnosis.candidates.kernel_columns import each_axis, kernels_at, own_axis, scaled, steps_before
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import VisitGrid
 from station.domain.core import rotation
@@ -22,6 +23,8 @@ from station.model.forward import resting_stimulus
 FELT_KEPT, MOVE_KEPT, MOTOR_KEPT = (0.5, 0.8), 0.6, (0.0, 0.75)
 #: A move is long from this share of the longest.
 LONG_MOVE = 0.8
+#: Bends of what a cable does by how far it is wound up, and one more.
+CABLE_DEGREE = 3
 #: A turn about an axis below this is none, rad.
 LEAST_TURN = 1e-6
 
@@ -35,12 +38,14 @@ def motion_kernels(view: ResidualView) -> Iterator[Candidate]:
 
 def _turns(view: ResidualView) -> Iterator[Candidate]:
     """Which way the rig turned about its axes, whether that is another way than before, how far, and how far it is
-    wound up; and how base and nests lean by it."""
+    wound up about each; and how base and nests lean by it."""
     if not view.scene.recipe.pose_known:
         return
     turn = turns_of(view)
     way, wound = way_of(turn), _wound_up(turn, view)
-    for functions in (way, _reversals(way, view), wound):
+    # A cable winds up about one axis, and is bent by that in any way.
+    bent = [legendre.legvander(scaled(x), CABLE_DEGREE)[:, 1:] for x in wound.T if np.ptp(x) > LEAST_TURN]
+    for functions in (way, _reversals(way, view), *bent):
         if np.any(functions):
             yield from kernels_at(view, "order", each_axis(functions), "unit", "common")
     # How far it turned: a cable in one nest drags as in no other.
