@@ -308,6 +308,23 @@ def test_pose_unknown_has_one_number_a_stop() -> None:
     assert {"first", "heat-map-along-the-stimulus", "residual-time"} <= set(drawn(page))
 
 
+def test_where_no_pose_is_known_cross_axis_is_drawn_over_the_product_that_lengths_follow() -> None:
+    """Not over the visits, one after the other: they come in any order."""
+    told = np.random.default_rng(2).standard_normal((16, 3))
+    told /= np.linalg.norm(told, axis=1, keepdims=True)
+    course = 1e-3 * (2 * told[:, :1] * told[:, 2:] + 0.3 * told[:, 1:2] * told[:, 2:])
+    many = some_data("named", [a_cause("cross-axis")])
+    one = {k: getattr(many, k)[:, :1] for k in ("measured", "before", "after")}
+    signs = (CauseSignature("cross-axis", course),)
+    page = build_page(
+        some_data("named", [a_cause("cross-axis")], axes=("along the stimulus",), signatures=signs, told=told, **one)
+    )
+    assert page.lead is not None
+    words = [t.text for t in ET.fromstring(page.lead.svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert {"product of what axes x and z feel, g²", "measured, mean of a group ± 95 %"} <= set(words)
+    assert "cross-axis: the residual against what it depends on" in words
+
+
 def test_one_unit_and_nothing_recorded_but_time() -> None:
     data = some_data("named", [a_cause("cubic")], units=1, values={"time_s": np.arange(8.0)})
     page = build_page(data)

@@ -23,6 +23,8 @@ _COVARIATES: dict[str, tuple[str, str]] = {
 }
 #: Stimuli (recipe's unit) that differ by less at one position are those of one seating.
 SAME_SEATING_MAX = 0.2
+#: Pairs of axes.
+PAIRS = ((0, 1), (0, 2), (1, 2))
 #: Levels whose groups belong to one unit: one unit is drawn.
 _OF_ONE_UNIT = ("unit", "run", "power-on", "visit")
 
@@ -95,6 +97,8 @@ def cause_axis(
         found = CauseAxis(data.values[name], report_text(label)) if name in data.values else None
     elif over in ("position", "group", "run", "visits", "order"):
         found = _by_visit(data, cause, over)
+    elif data.told is not None:
+        found = _along_stimulus(data, data.told, over, signature.values[:, i])
     else:
         found = None if data.felt is None else _by_reading(data, data.felt, over, signature.values[:, i], i)
     return found if found is not None and found.varies else None
@@ -133,6 +137,17 @@ def _by_reading(data: ReportData, felt: Floats, over: DrawnOver, signature: Floa
         off = degC - float(degC @ weight) / max(float(weight.sum()), 1e-300)
         return CauseAxis(off * felt[:, i], report_text("axis-temperature-input", axis=axis, unit=unit))
     return None
+
+
+def _along_stimulus(data: ReportData, told: Floats, over: DrawnOver, signature: Floats) -> CauseAxis | None:
+    """Where only lengths are known, the product of two axes of which a length follows most."""
+    if over not in ("other-axis", "input-product"):
+        return None
+    products = {place: told[:, j] * told[:, k] for place, (j, k) in enumerate(PAIRS)}
+    best = _likest(signature, products)
+    axis, other = ("xyz"[j] for j in PAIRS[best])
+    label = report_text("axis-product", axis=axis, other=other, unit=data.unit_of_readings)
+    return CauseAxis(products[best], label)
 
 
 def _likest(signature: Floats, choices: Mapping[int, Floats]) -> int:

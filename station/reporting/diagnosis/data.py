@@ -93,7 +93,8 @@ class ReportData:
     with the causes, each unit calibrated; read, expected (v, 3): plain means of the samples as they came, and what an
     ideal unit would read, where gross faults were found; smallest: rms coefficient of each cause that would have been
     seen with 80 % chance; recorded: columns that were in the data; felt (v, 3): resting stimulus in the device's frame
-    where the pose is known; curves: of a proposed formula's terms; groups: station, nest, lot and operator of the
+    where the pose is known, told (v, 3): as the readings themselves tell it where it is not; curves: of a proposed
+    formula's terms; groups: station, nest, lot and operator of the
     visits. Readings in the recipe's unit.
     """
 
@@ -116,6 +117,7 @@ class ReportData:
     smallest: Mapping[str, float] = field(default_factory=dict)
     recorded: frozenset[str] = frozenset()
     felt: Floats | None = None
+    told: Floats | None = None
     groups: Mapping[str, Labels] = field(default_factory=dict)
     spectrum: ToneSpectrum | None = None
     samples: Mapping[str, DwellSamples] = field(default_factory=dict)

@@ -55,6 +55,7 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
         expected=expected,
         smallest=smallest_detectable(d.search_result.stage),
         felt=resting_stimulus(scene, view.active) if known else None,
+        told=None if known else resting_stimulus(scene, view.active),
         groups=dict(visits.groups),
         spectrum=samples.tone_spectrum(d.inspection.table) if "motor-tone" in faults else None,
         samples={f.effect: samples.first_dwell(d.table, f) for f in d.inspection.faults},

@@ -71,7 +71,10 @@ def _course(
     # An offset belongs to the calibration: only what changes along the axis is the cause's.
     if not axis.places and over not in _ONE_BY_ONE:
         predicted = predicted - predicted.mean()
-    if over in _OF_SEVERAL:
+    if over in _OF_SEVERAL and data.told is not None:
+        # Hardly two visits agree: of what the cause does, its share in proportion to this product.
+        predicted = np.polyval(np.polyfit(axis.at[rows], predicted, 1), axis.at[rows])
+    elif over in _OF_SEVERAL:
         places, code = np.unique(np.round(axis.at[rows], 2), return_inverse=True)
         predicted = (np.bincount(code, predicted) / np.bincount(code, minlength=len(places)))[code]
     return Course(axis.at[rows], data.after[rows, i] + predicted, predicted, over in _ONE_BY_ONE)
@@ -83,8 +86,9 @@ def _figure(
     factor, unit = display_unit([float(np.abs(c.measured).max(initial=0.0))], data.unit_of_readings)
     whose = f", {chosen.whose}" if chosen.whose else ""
     scaled = c._replace(measured=c.measured * factor, cause=c.cause * factor)
+    title = "figure-cause" if data.told is not None else "figure-cause-axis"
     return Figure(
-        report_text("figure-cause-axis", effect=cause["effect"], axis=data.axes[i]) + whose,
+        report_text(title, effect=cause["effect"], axis=data.axes[i]) + whose,
         axis.label,
         unit,
         (
