@@ -95,6 +95,8 @@ def test_a_corner_is_dearer_than_a_square_and_both_than_a_line() -> None:
         ("own", "constant", ("w",), (), "axes w are not those of this formula"),
         ("own", "decay", ("x",), (), "constants are time_constant_s, not none"),
         ("own", "decay", ("x",), (("time_constant_s", -1.0),), "Constant time_constant_s is -1; write a number from"),
+        ("own-saturation", "motor", ("x",), (("bend_u", 0.0),), "Constant bend_u is 0; write a number from 1e-09 to"),
+        ("own-dead-band", "motor", ("x",), (("bend_u", -0.5),), "Constant bend_u is -0.5; write a number from 1e-09"),
         ("own", "decay", ("x",), (("time_constant_s", float("nan")),), "Constant time_constant_s is nan"),
         ("turn-nest", "time", ("x",), (), "cannot be modulated"),
     ],

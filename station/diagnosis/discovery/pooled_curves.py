@@ -14,7 +14,7 @@ from numpy.polynomial import legendre
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
-from station.model.formula.grammar import CONSTANTS, FormulaColumn
+from station.model.formula.grammar import FormulaColumn
 from station.model.formula.term import Term, axis_places
 from station.model.forward import sensor_signal
 from station.model.scene import Signal
@@ -61,8 +61,8 @@ def constant_columns(problem: ScoringProblem, item: AcceptedCause, term: Term) -
     sizes = np.where(item.hit[:, None], item.coefficient, 0.0)[item.candidate.code]
     found = np.zeros((len(sizes), 3, len(term.constants)))
     for n, (field, value) in enumerate(term.constants):
-        kind, step = CONSTANTS[field], STEP * max(abs(value), STEP)
-        ends = [min(max(value + sign * step, kind.low), kind.high) for sign in (-1, 1)]
+        (least, most), step = term.range_of(field), STEP * max(abs(value), STEP)
+        ends = [min(max(value + sign * step, least), most) for sign in (-1, 1)]
         for at, c in enumerate(term.columns):
             low, high = (term.with_constants(**{field: end}).column(c, signal) for end in ends)
             found[:, c.i, n] += sizes[:, at] * (high - low) / (ends[1] - ends[0])

@@ -21,7 +21,6 @@ from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.effect import Effect
-from station.model.formula.grammar import CONSTANTS
 from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of
 from station.model.forward import sensor_signal
@@ -329,5 +328,4 @@ def _half_nat(fallen: Callable[[float], float], step: float) -> float | None:
 
 
 def _evidence_at(term: Term, field: str, value: float, at: TermSpace) -> float:
-    kind = CONSTANTS[field]
-    return fit_term(term.with_constants(**{field: float(np.clip(value, kind.low, kind.high))}), at).evidence
+    return fit_term(term.with_constants(**{field: float(np.clip(value, *term.range_of(field)))}), at).evidence

@@ -21,7 +21,6 @@ from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together, h
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
-from station.model.formula.grammar import CONSTANTS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,10 +157,10 @@ def _moved_by(
     """By how much the coefficients move when a constant does by its standard deviation to either side, or to the end of
     its range, beyond which a deviation says only that the data do not tell the constant; rms, as they may move alike:
     of a saturation's bend only the size counts."""
-    kind = CONSTANTS[form.field]
+    low, high = term.fit.term.range_of(form.field)
     ends = []
     for sign in (-1, 1):
-        end = min(max(form.value + sign * form.std, kind.low), kind.high)
+        end = min(max(form.value + sign * form.std, low), high)
         moved = candidate_of(
             term.fit.term.with_constants(**{form.field: end}),
             bare.view,

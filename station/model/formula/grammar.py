@@ -48,6 +48,9 @@ CONSTANTS: Mapping[str, ConstantKind] = {
     "bend_u": ConstantKind("bend", "u", READING, 0.5, -1e6, 1e6),
 }
 
+#: Inputs that bend alike to both sides: at a size, which is no less than this.
+BENT_ALIKE, LEAST_BEND_U = frozenset({"own-dead-band", "own-saturation"}), 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class Factor:

@@ -11,8 +11,10 @@ from station.errors import InputError
 from station.model.formula.dimension import READING, Dimension
 from station.model.formula.expression import Expression, Multiplication, constants, evaluate, size, variables
 from station.model.formula.grammar import (
+    BENT_ALIKE,
     CONSTANTS,
     INPUTS,
+    LEAST_BEND_U,
     MODULATORS,
     SHARED_BY,
     Factor,
@@ -69,9 +71,14 @@ class Term:
         if sorted(needed) != sorted(given):
             raise InputError("formula-constants", needed=needed or ("none",), given=tuple(given) or ("none",))
         for field, value in self.constants:
-            kind = CONSTANTS[field]
-            if not (np.isfinite(value) and kind.low <= value <= kind.high):
-                raise InputError("formula-constant-range", field=field, value=value, low=kind.low, high=kind.high)
+            low, high = self.range_of(field)
+            if not (np.isfinite(value) and low <= value <= high):
+                raise InputError("formula-constant-range", field=field, value=value, low=low, high=high)
+
+    def range_of(self, field: str) -> tuple[float, float]:
+        """Least and largest value of a constant."""
+        kind = CONSTANTS[field]
+        return LEAST_BEND_U if field == "bend_u" and self.input in BENT_ALIKE else kind.low, kind.high
 
     @property
     def factors(self) -> tuple[Factor, Factor]:
