@@ -31,6 +31,8 @@ from station.domain.recipe.recipe import Recipe
 #: Certainty that is enough, the gain that another run must bring, runs at most, those that may bring none on their own,
 #: and how many of those that the bound ranks first are simulated.
 SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS, MOST_IN_VAIN, SIMULATED = 0.95, 0.05, 4, 1, 3
+#: What the bound gives no more than this is not worth simulating.
+HOPELESS_CERTAINTY = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,8 @@ def _promising(rated: Sequence[Proposal]) -> list[Proposal]:
     """Those of a menu that the bound ranks first."""
     first = best_proposal(rated)
     likely = sorted(rated, key=lambda p: -p.certainty)
-    return list({id(p): p for p in ([] if first is None else [first, *likely])}.values())[:SIMULATED]
+    every = {id(p): p for p in ([] if first is None else [first, *likely]) if p.certainty > HOPELESS_CERTAINTY}
+    return list(every.values())[:SIMULATED]
 
 
 def _simulated(campaign: MeasuredCampaign, proposal: Proposal, lines_up: Sequence[Suspects]) -> Proposal:
