@@ -40,4 +40,6 @@ def test_scatter_that_nothing_explains_is_not_passed_over() -> None:
 
 def test_three_positions_confirm_no_cause() -> None:
     """As many are needed to tell the calibration: what alarms there may be looked for, and is not named."""
-    assert three_faces(1)["verdict"] == "incomplete"
+    shown = three_faces(1)
+    assert shown["verdict"] == "incomplete"
+    assert not any(cause["gain"]["accepted"] for cause in shown["causes"])

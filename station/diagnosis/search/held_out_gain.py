@@ -28,8 +28,8 @@ SLOW_COVARIATES = frozenset({"time_s", "temperature_degC", "temperature_rate", "
 #: would be rounding magnified. So what the rest cannot say is taken from them, on both sides of the comparison.
 HELD_WEIGHT = 1e-3
 #: So few stops, each counted by how far it moves, do not tell how much it scatters what one of them gains: of four that
-#: gain the same the sum is never more than twice its standard error. Three or less confirm nothing: there are as few
-#: positions that are not needed to tell the calibration.
+#: gain the same the sum is never more than twice its standard error. Three or less confirm nothing, since the sum of
+#: three is never twice their length: there are as few positions that are not needed to tell the calibration.
 FEW_STOPS, TOO_FEW_STOPS = 12, 3
 #: Pairs into which one visit's data are split by noise.
 FISSIONS = 4
@@ -83,11 +83,15 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
     stops = score[problem.view.grid.slot >= 0]
     total = float(stops.sum())
-    # Where few stops move, they do not tell how much it scatters what they gain; the standard deviation of their
-    # log-likelihood ratio is the length of what moves in white data.
-    few = by == "sample" or TOO_FEW_STOPS < _moved_stops(moved) < FEW_STOPS
-    std_error = float(np.sqrt(np.sum(moved)) if few else np.sqrt(len(stops)) * np.std(stops))
-    return HeldOutGain(by, float(before), float(after), explained, total, std_error)
+    few = _moved_stops(moved)
+    if by == "sample" or TOO_FEW_STOPS < few < FEW_STOPS:
+        # Where few stops move, they do not tell how much it scatters what they gain; the standard deviation of their
+        # log-likelihood ratio is the length of what moves in white data.
+        std_error = np.sqrt(np.sum(moved))
+    else:
+        # About nothing, not about their mean, where there are so few: three that gain the same would have no scatter.
+        std_error = np.sqrt(np.sum((stops - (stops.mean() if few > TOO_FEW_STOPS else 0.0)) ** 2))
+    return HeldOutGain(by, float(before), float(after), explained, total, float(std_error))
 
 
 def _moved_stops(moved: Floats) -> float:
