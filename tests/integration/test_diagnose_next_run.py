@@ -97,7 +97,7 @@ def test_what_cannot_be_told_does_not_keep_the_rest_from_being_told(tmp_path: Pa
 
 def test_where_no_run_helps_it_says_what_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
-    requested = ("--units", "4", "--seed", "5", "--effect", "settling")
+    requested = ("--units", "1", "--seed", "5", "--effect", "settling")
     assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
     before = diagnosed(recipe, old, "--next-run", str(following))
     assert members(before) == {"settling", "filter-lag"}
