@@ -1,9 +1,8 @@
 """One formula in place of several causes, looked for before them.
 
 Where no cause follows most of what is there, several that share a little with one law are found one after the other,
-each at the price of some looks at the whole bank. A formula of one term that leaves nothing but
-noise takes their place in the end (`imitators.py`): so it is looked for first. What is found here is not looked for
-again.
+each at the price of some looks at the whole bank. A formula of one term that leaves nothing but noise takes their place
+in the end (`imitators.py`): so it is looked for first. What is found here is not looked for again.
 """
 
 import numpy as np
