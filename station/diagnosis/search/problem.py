@@ -18,6 +18,7 @@ from station.diagnosis.data.residuals import (
     with_contrast_noise,
 )
 from station.diagnosis.linear.noise_floor import FloorStructure, floor_structure
+from station.diagnosis.linear.projection import FloorCovariance
 from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
@@ -30,6 +31,9 @@ from station.model.model_file import Model, ModelEffect
 REFERENCE_INTERVAL_S = 2.5
 #: A parameter of a model is never known better than to this share of the cause's typical size.
 MIN_STD_SHARE = 1e-4
+#: Where poses are unknown, a step of a calibration beyond this share of the stimulus must make the fit better, or is
+#: halved, down to the least share of it.
+FAR, LEAST_STEP_SHARE = 0.02, 1 / 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,21 +151,45 @@ def refined(problem: ScoringProblem, rounds: int = 4) -> ScoringProblem:
     for _ in range(rounds):
         readings, _ = problem.readings(moving=problem.known.moving)
         fitted = problem.fit()
-        solved = solve(whitened(fitted.space.covariance, problem.known, readings))
-        p = problem.view.calibration(problem.matrix).shape[-1]
+        white = whitened(fitted.space.covariance, problem.known, readings)
+        solved = solve(white)
+        own = solved.own[:, : problem.view.calibration(problem.matrix).shape[-1]]
         steps = [solved.at(place)[0] for place in problem.places]
-        accepted = tuple(
-            replace(item, coefficient=item.coefficient + step) if item.candidate.effect else item
-            for item, step in zip(problem.accepted, steps, strict=True)
-        )
-        view = with_active_causes(
-            with_calibration(problem.view, changed_base(problem.view.base, solved.own[:, :p])), accepted
-        )
-        problem = replace(problem_in_view(problem, view, accepted), near=fitted.floor)
-        at_work = [s for s, item in zip(steps, accepted, strict=True) if item.candidate.effect]
-        if _converged(fitted.floor.noise, [solved.own[:, :p], *at_work]):
+        moved = _moved(problem, own, steps)
+        if problem.view.grid.k == 1 and _is_far(problem.view, own):
+            share, misfit = 1.0, float(np.sum(white.data**2))
+            while _misfit(moved, fitted.space.covariance) > misfit:
+                share /= 2
+                if share < LEAST_STEP_SHARE:
+                    return problem
+                moved = _moved(problem, share * own, [share * step for step in steps])
+        problem = replace(moved, near=fitted.floor)
+        at_work = [s for s, item in zip(steps, problem.accepted, strict=True) if item.candidate.effect]
+        if _converged(fitted.floor.noise, [own, *at_work]):
             break
     return problem
+
+
+def _moved(problem: ScoringProblem, own: Floats, steps: list[Floats]) -> ScoringProblem:
+    """The problem with calibrations changed by own (U, p) and coefficients of its causes by steps."""
+    accepted = tuple(
+        replace(item, coefficient=item.coefficient + step) if item.candidate.effect else item
+        for item, step in zip(problem.accepted, steps, strict=True)
+    )
+    view = with_active_causes(with_calibration(problem.view, changed_base(problem.view.base, own)), accepted)
+    return problem_in_view(problem, view, accepted)
+
+
+def _is_far(view: ResidualView, own: Floats) -> bool:
+    """Whether a change of calibrations (U, p) is one over which a magnitude is not nearly linear."""
+    stimulus = stimulus_strength(view.scene.recipe)
+    return bool(np.max(np.abs(own[:, :3]), initial=0.0) > FAR * stimulus or np.max(np.abs(own[:, 3:])) > FAR)
+
+
+def _misfit(problem: ScoringProblem, covariance: FloorCovariance) -> float:
+    """Sum of squares of what is left under a floor, priors included."""
+    readings, _ = problem.readings(moving=problem.known.moving)
+    return float(np.sum(whitened(covariance, problem.known, readings).data ** 2))
 
 
 def with_active_causes(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> ResidualView:
