@@ -386,3 +386,64 @@ def test_a_title_with_empty_cells_behind_it_is_no_row(
     path = tmp_path / "imu.txt"
     path.write_text("\n".join(lines) + "\n")
     check(understood(capsys, str(path)), axes=["ax", "ay", "az"], raw_unit="g", rate_hz=100.0, visits=8)
+
+
+def test_columns_called_times_g_are_no_time(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    y = tumble(rng)
+    path = saved(tmp_path / "a.csv", np.c_[y, np.arange(len(y)) / 100], header="x_times_g,y_times_g,z_times_g,Interval")
+    check(understood(capsys, path, "--rate", "100"), axes=["x_times_g", "y_times_g", "z_times_g"], visits=8)
+
+
+def test_columns_of_a_matrix_are_no_axes_by_their_numbers(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Six columns, turn rates first: by what they read, not by their places."""
+    y = tumble(rng)
+    turn = np.gradient(y, axis=0) * 100
+    path = saved(tmp_path / "m.csv", np.c_[turn, 9.80665 * y], header=",".join(f"imu_{i}" for i in range(6)))
+    check(understood(capsys, path, "--rate", "100"), axes=["imu_3", "imu_4", "imu_5"], raw_unit="m/s²", visits=8)
+
+
+@pytest.mark.parametrize(("least", "said"), [(0, "holds no table of numbers"), (1, "names no x, y and z, and")])
+def test_what_names_no_axes_is_refused_by_its_names(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, least: int, said: str
+) -> None:
+    """It was called a compass that was not turned; and a file of one line a table with no row missing."""
+    rows = rng.standard_normal((1, 500)) if not least else np.cumsum(rng.standard_normal((2000, 4)), axis=0)
+    path = saved(tmp_path / "a.csv", rows, header="left motor,right motor,command,torque" if least else "")
+    assert said in refused(capsys, path)
+
+
+@pytest.mark.parametrize("stops", [1, 4])
+def test_one_pose_is_no_driving(rng: np.random.Generator, tmp_path: Path, capsys: Capture, stops: int) -> None:
+    y = np.tile([0.1, -0.2, 0.97], (12_000, 1)) + 0.002 * rng.standard_normal((12_000, 3))
+    for k in range(1, stops):
+        y[3000 * k : 3000 * k + 1200] += 0.2 * rng.standard_normal((1200, 3))
+    path = saved(tmp_path / "a.csv", np.c_[np.arange(12_000) / 100, y], header="t,x,y,z")
+    said = refused(capsys, path)
+    assert ("one stretch of" if stops == 1 else "4 stretches of one orientation: one pose") in said
+
+
+def test_rows_of_other_sensors_in_one_log_are_left_out(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = tumble(rng)
+    rows = "".join(f"{10 * i},{a:.4f},{b:.4f},{c:.4f},\n{10 * i + 2},,,,1\n{10 * i + 5},,,,2\n"
+                   for i, (a, b, c) in enumerate(y.tolist()))  # fmt: skip
+    path = tmp_path / "merged.csv"
+    path.write_text("time_ms,ax,ay,az,light\n" + rows, encoding="utf-8")
+    one = understood(capsys, str(path))
+    check(one, rate_hz=100.0, visits=8, poses=8)
+    assert "rows-left-out" in remarks(one)
+
+
+def test_sensors_that_lie_still_are_told_apart_by_a_column_of_their_ids(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Fifteen on a table, row by row: they were one unit in fifteen poses."""
+    true = rng.standard_normal((15, 3))
+    true /= np.linalg.norm(true, axis=1, keepdims=True)
+    place = np.tile(np.arange(15), 600)
+    y = true[place] + 0.006 * rng.standard_normal((9000, 3))
+    path = saved(tmp_path / "a.csv", np.c_[place, y], header="id,accel_x,accel_y,accel_z")
+    assert "sensor 0: the unit is at rest in one stretch" in refused(capsys, path)

@@ -464,3 +464,15 @@ def test_the_unit_of_a_temperature_may_stand_in_its_name(
     check(one, rate_hz=100.0, visits=8)
     assert one["temperature_degC"] == pytest.approx([23.0, 23.0], abs=0.01)
     assert "temperature" not in one["inferred"]
+
+
+def test_gravity_is_no_field_of_a_compass(rng: np.random.Generator, tmp_path: Path) -> None:
+    """Gains of .02 were said without a word."""
+    y = rng.standard_normal((60, 3))
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    table = np.c_[np.arange(60), np.arange(60) / 10, y + 0.002 * rng.standard_normal(y.shape)]
+    rows = "".join(f"A,0,{v:.0f},p{v:.0f},{t},{a},{b},{c}\n" for v, t, a, b, c in table.tolist())
+    path = tmp_path / "g.csv"
+    path.write_text("unit,run,visit,position,time_s,x,y,z\n" + rows, encoding="utf-8")
+    done = captured("calibrate", "--samples", path, "--recipe", "magnetometer-hand-held")
+    assert "Readings are 0.0204 times the stimulus: check range and unit." in done.stdout

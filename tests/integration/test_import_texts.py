@@ -241,3 +241,43 @@ def test_stamps_in_two_columns(
     if not head:
         again = understood(capsys, str(path), "--columns", "0,7,8,9")
         assert again["axes"] == one["axes"] == ["column 7", "column 8", "column 9"]
+
+
+def test_lines_of_two_sensors_that_take_turns(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """Of a terminal that shows a state between each two readings the line that names axes is a row."""
+    path = tmp_path / "terminal.txt"
+
+    def row(now: datetime, t: float, r: list[float]) -> str:
+        return f"State: sys 3, gyro 3, mag {t % 4:.0f}\nAccel X = {r[0]:.4f}, Y = {r[1]:.4f}, Z = {r[2]:.4f}, w = 9"
+
+    path.write_text(lines(tumble(rng), row), encoding="utf-8")
+    check(understood(capsys, str(path), "--rate", "100"), axes=["X", "Y", "Z"], visits=8, poses=8)
+
+
+def test_three_numbers_in_brackets_are_the_axes_of_their_name(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    path = tmp_path / "boot.log"
+
+    def row(now: datetime, t: float, r: list[float]) -> str:
+        a, b, c = (round(16384 * v) for v in r)
+        return f"RAW 0x68: gyro=({t:.0f}, 12, -7) temp={4060 + round(t)} accel=({a}, {b}, {c})"
+
+    path.write_text("boot: chip revision v0.4\n" * 9 + lines(tumble(rng), row), encoding="utf-8")
+    one = understood(capsys, str(path), "--rate", "100")
+    check(one, axes=["accel_x", "accel_y", "accel_z"], visits=8, poses=8, scale=1 / 16384)
+
+
+def test_a_comment_that_says_so_names_the_columns(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "bench.txt"
+    head = "# columns: index ; time_s ; az ; ay ; ax\n#\n# NOTE: nothing else is trustworthy.\n\n"
+    path.write_text(head + lines(tumble(rng), lambda now, t, r: f"{100 * t:.0f} ; {t:.3f} ; {r[2]:.4f} ; {r[1]:.4f} ; "
+                                 f"{r[0]:.4f}"), encoding="utf-8")  # fmt: skip
+    check(understood(capsys, str(path)), axes=["ax", "ay", "az"], time_unit="s", rate_hz=100.0, visits=8)
+
+
+def test_stamps_of_today_behind_the_readings(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    path = tmp_path / "nameless.txt"
+    path.write_text(lines(tumble(rng), lambda now, t, r: f"100|{r[0]:.4f}|{r[1]:.4f}|{r[2]:.4f}|"
+                          f"{1589445931768 + 1000 * t:.0f}"), encoding="utf-8")  # fmt: skip
+    check(understood(capsys, str(path)), axes=["column 1", "column 2", "column 3"], time_unit="ms", rate_hz=100.0)

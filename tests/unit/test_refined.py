@@ -18,13 +18,13 @@ RECIPE = load_recipe("hand-held")
 def cap(seed: int) -> SampleTable:
     """Forty readings of a part of one side of an ellipsoid: of a compass beside iron that was turned half round."""
     rng = np.random.default_rng(seed)
-    a = [*rng.standard_normal((40, 3)), 0.9, 0.0, 0.4]
+    a = rng.standard_normal((40, 3)) + np.array([0.9, 0.0, 0.4])
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     matrix = np.eye(3) + 0.15 * rng.standard_normal((3, 3))
-    reading = a @ matrix.T + 0.5 * rng.standard_normal(3) + 0.01 * rng.standard_normal(a.shape)
+    reading = np.asarray(a @ matrix.T + 0.5 * rng.standard_normal(3) + 0.01 * rng.standard_normal(a.shape), float)
     at, nothing = np.arange(40, dtype=np.int32), np.zeros(40, np.int32)
     position = Labels(tuple(f"hand-{i}" for i in range(40)), at)
-    return SampleTable(Labels(("A",), nothing), nothing, at, position, 0.01 * at, reading)
+    return SampleTable(Labels(("A",), nothing), nothing, at, position, np.linspace(0.0, 0.4, 40), reading)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -18,6 +18,8 @@ _THOUSANDS = {
 #: And as Switzerland does, and space.
 _APOSTROPHES = re.compile(r"^[+-]?\d{1,3}(['\u2019\u202f\xa0]\d{3})+([.,]\d*)?$")
 _COMMENT = re.compile(r"^\s*(#|%|//|!)")
+#: A comment that says of itself that it names the columns.
+_CALLED = re.compile(r"^\s*[#%/!]+\s*(?:columns?|fields?|header)\s*[:=]\s*(?P<names>.+)$", re.IGNORECASE)
 _RATE = re.compile(r"(?:sampl\w*|update|data)[ _-]*(?:rate|freq\w*)\D{0,12}?(\d+(?:\.\d+)?)", re.IGNORECASE)
 _RATE_KEY = re.compile(
     r"^\W*(?:fs|f_s|odr|rate|frequency|freq)(?:[ _]*\(?hz\)?)?\W{1,4}(\d+(?:\.\d+)?)\W*(?:hz)?\W*$",
@@ -178,7 +180,7 @@ def _header(
     file: str, lines: list[str], delimiter: str, columns: int, rows: list[list[str]]
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
     """Names and units of the columns by the lines above the data; a comment may be the header."""
-    above = [line for line in lines if line.strip()][-2:]
+    above = _called_header(lines) or [line for line in lines if line.strip()][-2:]
     cut = [split(_COMMENT.sub("", line), delimiter) for line in above]
     heads = [cells for cells in cut if len(cells) == columns and not any(is_number(c) for c in cells)]
     if not heads and above:
@@ -194,6 +196,12 @@ def _header(
     if len(set(plain)) < len(plain):
         plain = names
     return tuple(n or f"column {i}" for i, n in enumerate(plain)), tuple(u.strip(" []()") for u in units)
+
+
+def _called_header(lines: list[str]) -> list[str]:
+    """The comment that says of itself that it names the columns, without that word; nothing where none does."""
+    found = [m for line in lines if (m := _CALLED.match(line))]
+    return [found[-1]["names"]] if found else []
 
 
 def _of_other_length(cells: list[str], columns: int, rows: list[list[str]]) -> list[list[str]]:

@@ -5,6 +5,7 @@ from collections import Counter
 from itertools import pairwise
 
 from station.adapters.recordings import dialect, stamps
+from station.domain.recognition import axis_names
 
 #: A time of day, perhaps behind a date; and a number that is no part of a word.
 _VALUE = re.compile(
@@ -14,8 +15,11 @@ _VALUE = re.compile(
 _CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2}\s*$")
 _NAME = re.compile(r"([A-Za-z_]\w*)\W{0,2}[:=]\W{0,2}$")
 _CLOCK, _NUMBER = "@", "#"
+_BRACKETED = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*[\[({]\s*#\s*,\s*#\s*,\s*#\s*[\])}]")
 #: Of the lines at least this share have the pattern, which is looked for in so many.
 MOSTLY, LEAST_ROWS = 0.6, 20
+#: Of lines that take turns at least this share has the pattern whose numbers are named x, y and z; of so many patterns.
+AT_LEAST, MOST_PATTERNS = 0.2, 4
 #: Cells that change this seldom from line to line are labels.
 SELDOM = 0.1
 
@@ -27,14 +31,25 @@ def unwrapped_lines(lines: list[str]) -> list[str] | None:
         return None
     if sum(_CHECKSUM.search(line) is not None for line in middle) > MOSTLY * len(middle):
         return unwrapped_lines([_plain(line) for line in lines]) or [_plain(line) for line in lines]
-    if not _is_wrapped(middle):
-        return None
-    ((pattern, times),) = Counter(_pattern(line) for line in middle).most_common(1)
-    if times < MOSTLY * len(middle) or pattern.count(_NUMBER) < 3:
+    pattern = _pattern_of_rows(middle) if _is_wrapped(middle) else _pattern_of_axes(middle)
+    if pattern is None:
         return None
     rows = [[m[0].replace(",", ".") for m in _VALUE.finditer(_plain(x))] for x in lines if _pattern(x) == pattern]
     names = _names(pattern)
     return [*([";".join(names)] if names else []), *(";".join(row) for row in rows)]
+
+
+def _pattern_of_rows(lines: list[str]) -> str | None:
+    """The pattern that most lines have, if it has three numbers or more."""
+    ((pattern, times),) = Counter(map(_pattern, lines)).most_common(1)
+    return pattern if times >= MOSTLY * len(lines) and pattern.count(_NUMBER) >= 3 else _pattern_of_axes(lines)
+
+
+def _pattern_of_axes(lines: list[str]) -> str | None:
+    """Where lines of several sensors take turns, the pattern that names three axes."""
+    found = Counter(map(_pattern, lines)).most_common(MOST_PATTERNS)
+    often = [pattern for pattern, times in found if len(found) > 1 and AT_LEAST * len(lines) <= times]
+    return next((pattern for pattern in often if axis_names.are_lettered(_names(pattern))), None)
 
 
 def _is_wrapped(lines: list[str]) -> bool:
@@ -69,7 +84,9 @@ def _pattern(line: str) -> str:
 
 
 def _names(pattern: str) -> list[str]:
-    """The names of all values of a pattern; none where not each has its own."""
+    """The names of all values of a pattern; none where not each has its own. Of three in brackets behind one name they
+    are its axes."""
+    pattern = _BRACKETED.sub(r"\1_x=# \1_y=# \1_z=#", pattern)
     parts = re.split(f"([{_NUMBER}{_CLOCK}])", pattern)
     names = []
     for before, value in zip(parts[::2], parts[1::2], strict=False):

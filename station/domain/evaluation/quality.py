@@ -96,7 +96,7 @@ def _stimulus(recipe: Recipe, visits: ReducedVisits) -> Iterator[Reason]:
     size = np.linalg.norm(visits.mean, axis=1)
     known = np.asarray(np.isfinite(visits.true).all(axis=1))
     wanted = np.linalg.norm(np.where(known[:, None], visits.true, recipe.reference.strength() * np.eye(3)[2]), axis=1)
-    if sensor.of(recipe).large_offset or not (wanted > 0).all():
+    if not (wanted > 0).all():
         return
     if recipe.reference.source == "rate" and wanted.max() < AT_REST_DEG_S:
         return
@@ -105,7 +105,11 @@ def _stimulus(recipe: Recipe, visits: ReducedVisits) -> Iterator[Reason]:
     if not strong.any():
         return
     ratio = float(np.median((size / wanted)[strong]))
-    if len(visits) > 1 and not 1 / SCALE < ratio < SCALE:
+    if sensor.of(recipe).large_offset:
+        # An offset may make readings many times as large as what is measured, and never small in every pose.
+        if len(visits) > 1 and ratio < 1 / SCALE and not known.all():
+            yield Reason(Message("readings-wrong-scale", ratio=ratio), ratio, SCALE, check="scale")
+    elif len(visits) > 1 and not 1 / SCALE < ratio < SCALE:
         id_ = "readings-in-m-s2" if abs(ratio / STANDARD - 1) < 0.05 else "readings-wrong-scale"
         yield Reason(Message(id_, ratio=ratio), ratio, SCALE, check="scale")
     elif known.all():

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 #: Axes as names number them.
 _NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
 _AXES = ("xyz", "012", "123")
+#: Columns of a matrix, which has more of them than axes.
+_OF_MATRIX = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<number>[4-9]|[1-9][0-9]+)[\])]*$")
 #: Turn rates as aviators call them, and what their names have in common then.
 _TURN = re.compile(r"roll|pitch|yaw")
 _TURNS = {"p": "x", "q": "y", "r": "z", "roll": "x", "pitch": "y", "yaw": "z"}
@@ -16,6 +18,8 @@ TURN_RATE = "turn rate"
 def triples(names: Iterable[tuple[int, str]]) -> Iterator[tuple[str, tuple[int, int, int]]]:
     """What is common to the names of three columns, and their places; names: places and names."""
     groups: dict[tuple[str, str], dict[str, int]] = {}
+    names = list(names)
+    matrices = {m["stem"] for _, spelled in names if (m := _OF_MATRIX.match(spelled.lower()))}
     for place, spelled in names:
         name = spelled.lower()
         for i, letter in enumerate(name):
@@ -26,7 +30,8 @@ def triples(names: Iterable[tuple[int, str]]) -> Iterator[tuple[str, tuple[int, 
             about = turn.group() if turn else name
             beside = _TURN.sub("", name) if turn else ""
             groups.setdefault((TURN_RATE, beside), {}).setdefault(_TURNS[about], place)
-        if numbered := _NUMBERED.match(name):
+        numbered = _NUMBERED.match(name)
+        if numbered and numbered["stem"] not in matrices:
             groups.setdefault((numbered["stem"], "\0"), {}).setdefault(numbered["axis"], place)
     for (head, tail), places in groups.items():
         for axes in _AXES:

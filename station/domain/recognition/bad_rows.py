@@ -11,6 +11,8 @@ from station.messages import Message
 
 #: Readings that are missing may be this share, and rows with one are left out.
 MISSING = 0.6
+#: More may be rows of other sensors in one log, where so many readings are left.
+LEAST_OF_ONE = 50
 #: A reading is impossible when it is this many times farther from the middle than all but FAR of the others, and when
 #: such are few.
 IMPOSSIBLE, FAR, FEW = 5.0, 0.01, 0.002
@@ -35,12 +37,24 @@ def usable(
 
 def _complete(table: RawTable, places: tuple[int | None, ...]) -> tuple[Rows, tuple[Message, ...]]:
     """Rows whose axes and stamp are all there."""
+    if len(table) < 2:
+        raise SamplesError("no-table-of-numbers", file=table.source)
     whole = np.all([np.isfinite(table.numbers(i)) for i in places if i is not None], axis=0)
     missing = int(np.count_nonzero(~whole))
-    if missing > MISSING * len(table) or whole.sum() < 2:
+    own = len(table) - (_of_others(table, places) if whole.sum() >= LEAST_OF_ONE else 0)
+    if own - whole.sum() > MISSING * own or whole.sum() < 2:
         raise SamplesError("readings-missing", file=table.source, missing=missing, rows=len(table))
     note = (Message("rows-left-out", file=table.source, rows=missing, total=len(table)),) if missing else ()
     return np.flatnonzero(whole), note
+
+
+def _of_others(table: RawTable, places: tuple[int | None, ...]) -> int:
+    """Rows of other sensors in one log: they have a stamp and not one axis."""
+    *axes, time = places
+    if time is None:
+        return 0
+    none = np.all([~np.isfinite(table.numbers(i)) for i in axes if i is not None], axis=0)
+    return int(np.count_nonzero(none & np.isfinite(table.numbers(time))))
 
 
 def _filled(source: str, raw: Floats, keep: Rows, quantity: Quantity) -> tuple[Rows, tuple[Message, ...]]:

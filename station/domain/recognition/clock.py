@@ -51,6 +51,15 @@ class SampleClock:
         return replace(self, time_s=self.time_s[rows], order=self.order[rows], rate_hz=rate_hz)
 
 
+def are_of_today(stamps: Floats) -> bool:
+    """Whether stamps (n) are of the present day in a unit of which a second has a thousand, or more."""
+    low, high = EPOCH_S
+    found = stamps[np.isfinite(stamps)]
+    return bool(len(found)) and any(
+        bool(np.all((found * size > low) & (found * size < high))) for size in (1e-3, 1e-6, 1e-9)
+    )
+
+
 def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -> SampleClock:
     """Without stamps: by a counter of readings (n), or by their places, at a rate."""
     places = np.arange(readings, dtype=float)

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition import axis_names, temperatures, visits
+from station.domain.recognition import axis_names, clock, temperatures, visits
 from station.domain.recognition.quantities import (
     QUANTITIES,
     Quantity,
@@ -21,7 +21,7 @@ from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTa
 from station.errors import SamplesError, UsageError
 
 _TIME = re.compile(
-    r"time|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间"
+    r"time(?!s_)|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间"
     r"|^(tiempo|tempo|temps|czas|tid|tijd|время|aika)($|[ _(\[])",
     re.IGNORECASE,
 )
@@ -149,6 +149,8 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
     runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]
     if len(free) > 3 and len(free) % 3 == 0:
         runs = runs[::3]
+    # Axes stand beside each other; a word between columns begins something else.
+    runs = [run for run in runs if run[2] - run[0] == 2] or runs
     return (runs[0] if len(runs) == 1 else _by_content(table, runs, quantity)), True, BY_CONTENT, ()
 
 
@@ -266,6 +268,8 @@ def _time(table: RawTable, assigned: set[int | None]) -> int | None:
         return in_time[0]
     counted = [i for i in free if table.named and _COUNTER.search(table.columns[i].name)]
     rising = [i for i in (counted if table.named else free[:2]) if _rises(table.columns[i].values)]
+    if not rising and not table.named:
+        rising = [i for i in free[2:] if clock.are_of_today(table.numbers(i)) and _rises(table.columns[i].values)]
     if rising:
         return rising[0]
     return next((i for i in free[:2] if _is_steady_clock(table.numbers(i))), None)

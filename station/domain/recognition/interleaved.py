@@ -1,5 +1,6 @@
 """Readings of several sensors in one table, row by row, told apart by a column of their names or numbers."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,6 +12,8 @@ from station.domain.recognition.raw_table import RawColumn, RawTable
 
 #: Sensors that take turns in a table, at most; each has at least so many rows.
 MOST_SENSORS, LEAST_ROWS = 64, 16
+#: Names of columns that tell sensors.
+_SENSOR = re.compile(r"(^|[^a-z])(id|sensor|device|node|imu|mac|addr|address)($|[^a-z])", re.IGNORECASE)
 #: They take turns where so many rows are followed by one of another sensor, and most often by the same other one.
 TURNS, IN_TURN = 0.5, 0.8
 #: Rows of one sensor follow each other more closely, by this, than rows of different ones: a counter of frames that
@@ -22,9 +25,10 @@ MOVES = 0.1
 
 def sensors(table: RawTable) -> Iterator[tuple[str, RawTable]]:
     """The name and the table of each sensor that takes turns with others in a table; nothing where none does."""
-    for place in range(len(table.columns)):
-        code = _codes(table.columns[place])
-        if code is None or not _take_turns(code) or not _closer_apart(table, place, code):
+    for place, column in enumerate(table.columns):
+        code = _codes(column)
+        called = table.named and _SENSOR.search(column.name) is not None
+        if code is None or not _take_turns(code) or not _closer_apart(table, place, code, still=called):
             continue
         for one in np.unique(code):
             rows = np.flatnonzero(code == one)
@@ -55,12 +59,15 @@ def _take_turns(code: NDArray[np.int64]) -> bool:
     return bool(follow.max(axis=1).sum() > IN_TURN * (len(code) - 1))
 
 
-def _closer_apart(table: RawTable, place: int, code: NDArray[np.int64]) -> bool:
+def _closer_apart(table: RawTable, place: int, code: NDArray[np.int64], *, still: bool) -> bool:
     """Whether the other columns change less from row to row of one sensor than from row to row of the table, and yet
-    change in the end: rows of one still pose each are visits."""
+    change in the end: rows of one still pose each are visits. still: the column's name says that it tells sensors,
+    which may lie still, too."""
     known = [r for i in table.numeric() if i != place and (r := _ratios(table.numbers(i), code)) is not None]
     closest = sorted(known)[:3]
-    return len(closest) == 3 and closest[1][0] < CLOSER and float(np.median([spread for _, spread in closest])) > MOVES
+    if len(closest) < 3 or closest[1][0] >= CLOSER:
+        return False
+    return still or float(np.median([spread for _, spread in closest])) > MOVES
 
 
 def _ratios(values: Floats, code: NDArray[np.int64]) -> tuple[float, float] | None:

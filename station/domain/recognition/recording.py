@@ -35,6 +35,7 @@ LEAST_DEAD = 20
 class Recording:
     """Readings (n, 3) in the recipe's unit at time_s (n), temperature_degC (n) or None. edges (k, 2): visits that the
     recording itself declares, or None; names: of their labels, or None; declared: how (labels, blocks, shown-blocks).
+    names_no_axes: the columns have names, and none of them is of an axis.
     """
 
     source: str
@@ -51,6 +52,7 @@ class Recording:
     unit: str
     remarks: tuple[Message, ...]
     degrees_inferred: bool = False
+    names_no_axes: bool = False
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -102,6 +104,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         unit=unit,
         degrees_inferred=roles.temperature is not None
         and not temperatures.says_degrees(table.columns[roles.temperature]),
+        names_no_axes=table.named and roles.rank == columns.BY_CONTENT,
         remarks=(
             *table.remarks,
             *remarks,

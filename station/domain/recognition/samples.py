@@ -123,6 +123,8 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
     except SamplesError as error:
         if _is_listed(recording):
             return _a_reading_each(recording)
+        if recording.names_no_axes:
+            raise SamplesError("columns-of-no-sensor", file=recording.source, axes=recording.axes) from None
         raise _refused_list(recording) or error from None
     return Visits(edges, tuple(f"still-{i + 1:02d}" for i in range(len(edges))), "rest")
 
@@ -228,6 +230,9 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
     # Nothing but their size says that they are a field.
     by_size = recording.unit == "uT" and recording.scale.inferred and not _named_a_field(recording)
+    if comes_back and share >= LEAST_REST:
+        percent = 100 * share
+        raise SamplesError("one-pose-only", file=recording.source, rest_percent=percent, rests=len(edges))
     if (
         comes_back
         or (by_size and poses < LEAST_OF_A_FIELD)
@@ -264,7 +269,13 @@ def _check_gravity_shows(recording: Recording, edges: NDArray[np.int64]) -> None
     apart = float(np.median(np.abs(length - size))) / size
     if scatter > LOUD or apart > LOUD or _WITHOUT_GRAVITY.search(" ".join(recording.axes)):
         percent = 100 * max(scatter, apart)
-        raise SamplesError("gravity-not-shown", file=recording.source, size=size / abs(scale.factor), percent=percent)
+        raise SamplesError(
+            "gravity-not-shown",
+            file=recording.source,
+            axes=recording.axes,
+            size=size / abs(scale.factor),
+            percent=percent,
+        )
 
 
 def _named(recording: Recording, found: Visits, recipe: Recipe) -> Visits:
