@@ -146,11 +146,14 @@ def countdown(left_s: float) -> str:
 def activity(what: Message) -> Iterator[Callable[[Message], None]]:
     """What the command is doing and for how long, on a terminal, where nobody can say how much is left; gone when it is
     done. Gives a function that names the next step."""
+    if not on_terminal():
+        yield lambda _step: None
+        return
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     screen = Console(stderr=True, highlight=False)
-    with Progress(*columns, console=screen, disable=not on_terminal(), transient=True) as shown:
+    with Progress(*columns, console=screen, transient=True) as shown:
         task = shown.add_task(render(what), total=None)
         yield lambda step: shown.update(task, description=render(step))

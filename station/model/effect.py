@@ -77,7 +77,7 @@ class Parameter:
         """What a size given for 1 g is multiplied by in this recipe: its stimulus, to the power that u has."""
         above, _, below = self.unit.partition("/")
         power = bool(_U.search(above)) - bool(_U.search(below)) * (2 if "²" in below else 1)
-        return float(stimulus_strength(recipe) ** power)
+        return float(stimulus_strength(recipe) ** power) if power else 1.0
 
 
 def unit_in(text: str, unit: str) -> str:

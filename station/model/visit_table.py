@@ -38,17 +38,19 @@ class VisitTable:
     stimulus: Floats
     previous: NDArray[np.intp]
     gold: Floats | None = None
-    #: Names of the groups of a level that were written already: every cause asks for them.
-    _written: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=dict, init=False, repr=False)
+    #: Groups of a level that were found already: every cause asks for them.
+    _groups: dict[tuple[str, int], tuple[NDArray[np.int32], tuple[str, ...]]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def __len__(self) -> int:
         return len(self.run)
 
     def group(self, level: str, runs: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
         """Group codes (v) and names; see Scene.group."""
-        if (level, runs) not in self._written:
-            self._written[level, runs] = self._names(level, runs)
-        return self.codes(level, runs), self._written[level, runs]
+        if (level, runs) not in self._groups:
+            self._groups[level, runs] = self.codes(level, runs), self._names(level, runs)
+        return self._groups[level, runs]
 
     def codes(self, level: str, runs: int) -> NDArray[np.int32]:
         """Group codes (v) alone."""

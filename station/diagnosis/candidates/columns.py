@@ -46,21 +46,21 @@ class StopColumns:
     @staticmethod
     def of(stop: Floats, dwell: Floats | None = None) -> "StopColumns":
         """From whole columns."""
-        there = np.any(stop, axis=0)
+        by_column = np.ascontiguousarray(stop.T)
+        there = by_column.any(axis=2)
         if dwell is not None:
-            there = there | np.any(dwell, axis=(0, 1))
-        column, axis = np.nonzero(there.T)
-        places = list(zip(axis.tolist(), column.tolist(), strict=True))
+            there = there | np.any(dwell, axis=(0, 1)).T
+        column, axis = np.nonzero(there)
         found: dict[tuple[bytes, bytes], int] = {}
         course = [
             found.setdefault(
-                (stop[:, i, k].tobytes(), b"" if dwell is None else dwell[..., i, k].tobytes()), len(found)
+                (by_column[k, i].tobytes(), b"" if dwell is None else dwell[..., i, k].tobytes()), len(found)
             )
-            for i, k in places
+            for k, i in zip(column.tolist(), axis.tolist(), strict=True)
         ]
         first = [course.index(f) for f in range(len(found))]
         moving = None if dwell is None else dwell[..., axis[first], column[first]]
-        still = stop[:, axis[first], column[first]]
+        still = np.ascontiguousarray(by_column[column[first], axis[first]].T)
         alone = np.array_equal(column, np.arange(stop.shape[2]))
         return StopColumns(axis, column, np.array(course, np.intp), still, moving, stop.shape[2], alone)
 

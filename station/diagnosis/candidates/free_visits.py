@@ -16,7 +16,7 @@ ROUNDING = 1e-9
 def says_nothing(candidate: Candidate, view: ResidualView) -> bool:
     """Whether each of the visits, which are many, is a group of its own that may read anything, or nothing at all."""
     visits = len(candidate.code)
-    if visits <= MOST_FREE_VISITS or candidate.pattern == "scan" or candidate.moving:
+    if not MOST_FREE_VISITS < visits <= len(candidate.names) or candidate.pattern == "scan" or candidate.moving:
         return False
     if len(np.unique(candidate.code)) < visits:
         return False

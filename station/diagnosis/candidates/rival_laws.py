@@ -77,7 +77,7 @@ def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -
     """Laws as candidates, shared at each of some levels."""
     for covariates, parts in laws:
         packed = StopColumns.by_axis(parts)
-        if not np.any(np.ptp(packed.still, axis=0)):
+        if not np.any(packed.still != packed.still[:1]):
             continue
         for of in levels:
             code, names = view.scene.group(of)

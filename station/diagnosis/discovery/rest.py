@@ -42,11 +42,11 @@ VISIBLE_SHARE = 0.1
 
 
 class Pattern(NamedTuple):
-    """Columns (v, c) on one axis; own: whether each unit has sizes of its own."""
+    """Columns (v, c) on one axis; own: whether each unit has sizes of its own, of each way that is looked at."""
 
     columns: Floats
     axis: int
-    own: bool
+    own: tuple[bool, ...]
 
 
 def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
@@ -116,7 +116,8 @@ def pattern_chances(patterns: Iterable[Pattern], units: ScannedUnits, space: Res
     layout = units.setting.layout
     for p in (p for p in patterns if p.columns.shape[1]):
         white = space.project(layout.columns(layout.keep[:, :, p.axis, None] * p.columns[:, None], None))
-        yield from _chance(white if p.own else white.reshape(1, space.data.size, -1), space)
+        for own in p.own:
+            yield from _chance(white if own else white.reshape(1, space.data.size, -1), space)
 
 
 def _pooled_chances(
@@ -159,12 +160,11 @@ def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> It
     occasion = np.unique(np.stack([run, visit]), axis=1, return_inverse=True)[1].ravel()
     levels = [_level_groups(scene.require(name)[stops], GROUPS) for name in COVARIATES if scene.is_recorded(name)]
     for axis in range(3):
-        yield Pattern(_group_columns(occasion, ones), axis, own=False)
-        yield Pattern(_group_columns(position, ones), axis, own=False)
+        yield Pattern(_group_columns(occasion, ones), axis, (False,))
+        yield Pattern(_group_columns(position, ones), axis, (False,))
         for group in levels:
             for times in (ones, *felt.T[..., None]):
-                for own in (False, True):
-                    yield Pattern(_group_columns(group, times), axis, own)
+                yield Pattern(_group_columns(group, times), axis, (False, True))
 
 
 def _curves_of_terms(problem: ScoringProblem, stops: NDArray[np.bool_], terms: Sequence[Term]) -> Iterator[Pattern]:
@@ -175,14 +175,14 @@ def _curves_of_terms(problem: ScoringProblem, stops: NDArray[np.bool_], terms: S
     for term in terms:
         if term.is_turn or "since_arrival_s" in term.needs:
             continue
-        own = term.of in PER_UNIT_LEVELS
+        own = (term.of in PER_UNIT_LEVELS,)
         parts = {c: term.factor_values(c, signal) for c in term.columns}
         felt = {(c.i, c.j, c.phase): one[stops, None] for c, (one, _) in parts.items()}
         modulated = {(c.i, c.j, c.wave): two[stops, None] for c, (_, two) in parts.items()}
         along = scene.require(next(iter(term.needs), "time_s"))[stops]
         for groups in CURVE_GROUPS if term.modulator != "constant" else ():
             yield from (Pattern(_group_columns(_level_groups(along, groups), x), at[0], own) for at, x in felt.items())
-        yield from (Pattern(_group_columns(run, x), at[0], own=True) for at, x in felt.items())
+        yield from (Pattern(_group_columns(run, x), at[0], (True,)) for at, x in felt.items())
         for (i, j, _), x in modulated.items():
             yield Pattern(_group_columns(position, x), i, own)
             for axis in (i, j) if term.input != "one" else ():

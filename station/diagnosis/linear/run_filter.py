@@ -138,6 +138,12 @@ class RunFilter:
         """N (classes, B, 3, 3): the information of all later blocks on the walk after each (de Jong, Biometrika 76
         (1989) 275): N = seenᵀ·observed + (I − gain·observed)ᵀ·N⁺·(I − gain·observed) for the block before."""
         found = np.zeros((*self.inverse.shape[:2], 3, 3))
+        if found.shape[1] == 1:
+            return found
+        if not self.walks:
+            # The walk after a block is that before the next one.
+            found[:, :-1] = (self.observed.swapaxes(-1, -2) @ self.observed)[:, :0:-1].cumsum(1)[:, ::-1]
+            return found
         left = np.eye(3) - self.gain @ self.observed
         for b in range(found.shape[1] - 1)[::-1]:
             observed, after = self.observed[:, b + 1], left[:, b + 1]
@@ -145,7 +151,10 @@ class RunFilter:
         return found
 
     def precision_roots(self) -> Floats:
-        """X (classes, B, s + 3, s) of each block, XᵀX being its block on the diagonal of V⁻¹."""
+        """X (classes, B, s + 3, s) of each block, or (classes, 1, s, s) of a single one, XᵀX being its block on the
+        diagonal of V⁻¹."""
+        if self.inverse.shape[1] == 1:
+            return np.asarray(self.inverse)
         values, vectors = np.linalg.eigh(self.later_information())
         roots = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]).swapaxes(-1, -2)
         return np.concatenate([self.inverse, roots @ self.gain @ self.inverse], axis=2)

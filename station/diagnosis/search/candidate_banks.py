@@ -50,8 +50,13 @@ def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
     items = [*items, *generic.kernel_candidates(view), *generic.disturbed_readings(view)]
     # Levels that group alike have one code: of a fleet's hundreds, and each as long as its visits.
     codes = dict[bytes, NDArray[np.int32]]()
-    items = [replace(c, code=codes.setdefault(c.code.tobytes(), c.code)) for c in items]
-    return tuple(c for c in items if not says_nothing(c, view))
+    return tuple(_with_one_code(c, codes) for c in items if not says_nothing(c, view))
+
+
+def _with_one_code(c: Candidate, codes: dict[bytes, NDArray[np.int32]]) -> Candidate:
+    """The candidate with the code of those before it that group alike."""
+    code = codes.setdefault(c.code.tobytes(), c.code)
+    return c if code is c.code else replace(c, code=code)
 
 
 def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:

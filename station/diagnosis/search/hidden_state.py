@@ -85,8 +85,9 @@ class _Frame:
         """What the last of some sets of white rows (U, R, V, 3, n) shows of a state."""
         names, code = np.unique(self.whose, return_inverse=True)
         member = (code.reshape(-1) == np.arange(len(names))[:, None])[names >= 0].astype(float)
-        e = _alike(e) if self.effect is None else e
-        tests = [_Directions.of(e, self.effect, member, slot, kept) for kept in KEPT]
+        x = _alike(e) if self.effect is None else self.effect.swapaxes(-1, -2) @ e
+        sets = np.ascontiguousarray(x.reshape(-1, *x.shape[2:]).transpose(0, 3, 2, 1))
+        tests = [_Directions.of(x[..., -1], sets, self.effect, member, slot, kept) for kept in KEPT]
         chance = len(KEPT) * min(_chance(test.statistic) for test in tests)
         # Not every one of them need have a state; its size is of one kind where it has.
         some = [np.logaddexp(0.0, test.likelihoods(dof, member) - DIRECTION_NATS) - np.log(2) for test in tests]
@@ -97,7 +98,7 @@ def _calmed(e: Floats, slot: NDArray[np.intp]) -> Floats:
     """White rows (U, R, V, 3, n) in the noise of most visits, where those beyond it are drawn in: a few visits that are
     wrong by much are no state."""
     length = np.sqrt(np.sum(e**2, axis=3, keepdims=True))
-    usual = np.median(length[slot >= 0], axis=0) / MEDIAN_LENGTH
+    usual = np.median(length[slot >= 0, 0].T.copy(), axis=1) / MEDIAN_LENGTH
     e = e / usual * np.minimum(1.0, MOST_LENGTH / np.maximum(length / usual, 1e-300))
     return np.asarray(e / np.sqrt(np.sum(e**2, axis=(0, 1, 2, 3)) / (3 * np.count_nonzero(slot >= 0))))
 
@@ -121,14 +122,20 @@ class _Directions:
     live: Floats
 
     @staticmethod
-    def of(e: Floats, effect: Floats | None, member: Floats, slot: NDArray[np.intp], kept: float) -> "_Directions":
-        """Of sets of white rows (U, R, V, 3, n), for states of which a share is left at the next visit. member (groups,
-        U·R): whose direction that of a run is."""
+    def of(
+        last: Floats,
+        sets: Floats,
+        effect: Floats | None,
+        member: Floats,
+        slot: NDArray[np.intp],
+        kept: float,
+    ) -> "_Directions":
+        """Of sets x (U·R, n, 3, V), the last of which is (U, R, V, 3), too, for states of which a share is left at the
+        next visit. member (groups, U·R): whose direction that of a run is."""
         U, R, V = slot.shape
-        x = e if effect is None else np.einsum("urvak,urvan->urvkn", effect, e)
         lasting = kept ** np.abs(np.subtract.outer(np.arange(V), np.arange(V))).astype(float)
-        smooth = np.tensordot(lasting, x, axes=(1, 2)).transpose(1, 2, 0, 3, 4) if kept else x
-        of_runs = np.einsum("urvin,urvjn->urnij", x, smooth, optimize=True).reshape(U * R, -1)
+        smooth = sets @ lasting if kept else sets
+        of_runs = (sets @ smooth.swapaxes(-1, -2)).reshape(U * R, -1)
         S = (member @ of_runs).reshape(len(member), -1, 3, 3)
         usual, root = _usual(S[:, :-1].mean(axis=1))
         S = usual[:, None, None, None] * (root[:, None] @ S @ root[:, None])
@@ -137,7 +144,7 @@ class _Directions:
         u = (member.T @ direction).reshape(U, R, 3)
         size = np.linalg.norm(u[:, :, None] if effect is None else np.einsum("urvak,urk->urva", effect, u), axis=3)
         seen = (slot >= 0) & (size > LEAST_SHARE * size.max())
-        part = np.where(seen, np.einsum("urvi,uri->urv", x[..., -1], u) / np.where(seen, size, 1.0), 0.0)
+        part = np.where(seen, np.einsum("urvi,uri->urv", last, u) / np.where(seen, size, 1.0), 0.0)
         spread, axes = np.linalg.eigh(lasting)
         return _Directions(
             np.sum(S**2, axis=(0, 2, 3)), part @ axes, np.maximum(spread, 0.0), np.mean(seen, axis=2, keepdims=True)

@@ -42,13 +42,20 @@ def find_ripple(problem: ScoringProblem, floor: NoiseFloor) -> Unseen:
     found = [_explained(problem, some, white, share, levels) for some in _parts(cycles_hz)]
     explained = np.concatenate(found, axis=1) * dof / float(np.sum(white**2))
     usual = numbers * (1 - 2 / (9 * numbers)) ** 3
-    around = scipy.ndimage.median_filter(explained, size=(1, AROUND), mode="nearest") / usual[:, None]
+    around = _median_around(explained) / usual[:, None]
     explained = np.minimum(explained / np.maximum(around, 1.0), dof * (1 - 1e-9))
     left = 1 - explained / dof
     chance = scipy.special.betainc((dof - numbers[:, None]) / 2, numbers[:, None] / 2, left).min() * left.size
     grown = RATIOS[:, None, None] / (1 + RATIOS[:, None, None])
     each = -0.5 * dof * np.log1p(-grown * explained / dof) - 0.5 * numbers[:, None] * np.log1p(RATIOS)[:, None, None]
     return Unseen.of(float(log_mean_exp(each.ravel())), chance)
+
+
+def _median_around(explained: Floats) -> Floats:
+    """The median of each value (levels, f) and of those on both sides of it."""
+    side = AROUND // 2
+    padded = np.pad(explained, ((0, 0), (side, side)), mode="edge")
+    return np.partition(np.lib.stride_tricks.sliding_window_view(padded, AROUND, axis=1), side, axis=2)[..., side]
 
 
 def _frequencies_hz(problem: ScoringProblem) -> Floats:
@@ -99,7 +106,8 @@ def _explained(problem: ScoringProblem, cycles_hz: Floats, white: Floats, share:
     # A block lasts √12 times the deviation of its times. Single precision is enough, but to count waves.
     lasts = np.sqrt(12) * (fine[..., -1] - fine[..., 0]) / (NODES[-1] - NODES[0])
     phase = (2 * np.pi * (fine.mean(2)[..., None] * cycles_hz % 1.0)).astype(np.float32)
-    wave = np.sinc((lasts[..., None] * cycles_hz).astype(np.float32)) * np.exp(1j * phase)
+    size, wave = np.sinc((lasts[..., None] * cycles_hz).astype(np.float32)), np.empty(phase.shape, np.complex64)
+    wave.real, wave.imag = size * np.cos(phase), size * np.sin(phase)
     along = wave.swapaxes(1, 2) @ (rows.swapaxes(1, 2) @ white).astype(np.float32)
     shown = (rows.swapaxes(1, 2) @ rows).astype(np.float32) @ wave
     squares, turned = np.sum(np.real(np.conj(wave) * shown), axis=1), np.sum(wave * shown, axis=1)
