@@ -6,11 +6,12 @@ Noise is white, by the data sheet: a real floor adds to it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -45,11 +46,19 @@ class PlannedCampaign:
     problem: ScoringProblem
     floor: NoiseFloor
     space: ResidualSpace
+    #: Of causes at shapes that were asked for already: each is asked for at every level.
+    _columns: dict[Effect, StopColumns] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def of(problem: ScoringProblem, floor: NoiseFloor) -> "PlannedCampaign":
         """The campaign under a floor."""
         return PlannedCampaign(problem, floor, problem.space(floor, moving=True))
+
+    def at_form(self, candidate: Candidate, effect: Effect) -> Candidate:
+        """A candidate at another shape: it is the same at all levels."""
+        if effect not in self._columns:
+            self._columns[effect] = StopColumns.of(*self.problem.view.signature(effect))
+        return replace(candidate, effect=effect, columns=self._columns[effect])
 
     def axes(self, candidate: Candidate) -> SignatureAxes:
         """What a candidate could move."""

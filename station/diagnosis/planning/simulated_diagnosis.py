@@ -5,7 +5,7 @@ judged as a diagnosis judges it: by the evidence of the tied causes and of the k
 walks; by the causes that together hold 95 % of the probability; and by d·√κ of what the leader leaves.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,8 +25,8 @@ from station.diagnosis.search.distinguishability import (
 from station.diagnosis.search.finding import is_free_in_each_run, is_unknown
 from station.diagnosis.search.null_simulation import NullNoise, SinglePrecisionBank
 from station.diagnosis.search.rank import FLOOR_VARIANCES, OCCAM_NATS
-from station.diagnosis.search.scoring import Scores, ScoringProblem, evidence_by_cause, score_bank, score_under_floors
-from station.diagnosis.search.walk_marginal import marginalise_walks, replicate_units
+from station.diagnosis.search.scoring import Scores, ScoringProblem, evidence_by_cause, score_under_floors
+from station.diagnosis.search.walk_marginal import replicate_units, slow_candidates
 from station.domain.core.types import Array, Floats
 
 #: Beyond its bound a variance of the floor is tried at so many times its standard deviation.
@@ -57,8 +57,8 @@ class SimulatedDiagnosis:
         items = [*(c for one in shapes.values() for c in one), *kernel_candidates(problem.view)]
         items = [c for c in items if not says_nothing(c, problem.view)]
         banks = [build_bank(items, problem.view.layout, moving=moving) for moving in (False, True)]
-        around = marginalise_walks(problem, score_bank(problem, banks, floor))
-        self._marginal = replicate_units(problem, around, np.arange(problem.view.grid.units), 1)
+        slow, units = slow_candidates(problem, banks, floor), np.arange(problem.view.grid.units)
+        self._marginal = replicate_units(problem, banks, floor, slow, units, 1)
         self._stages = [[SinglePrecisionBank(s) for s in stage.projected] for stage in self._marginal.stages]
         self._free = {name: _free_spaces(problem, floor, name) for name in FLOOR_CAUSES if name in names}
         self._view, self._candidates = problem.view, self._marginal.candidates
@@ -109,19 +109,21 @@ class SimulatedDiagnosis:
             if c.pattern == "scan" or not rivals:
                 continue
             blurred = has_covariate_error(self._candidates[rivals[0]])
-            d2 = np.min([self._squares_apart(i, j, judged.white[rows]) for j in rivals], axis=0)
+            d2 = np.min(list(self._squares_apart(i, rivals, judged.white[rows])), axis=0)
             apart[rows] = d2 >= (SEPARATION_99 if blurred else SEPARATION_95) ** 2
         return apart
 
-    def _squares_apart(self, i: int, j: int, white: Floats) -> Floats:
-        """d²κ (n) of what a candidate leaves in white readings (n, U, M) against another, freed of what noise adds."""
-        found, other = self._axes_of(i), self._axes_of(j)
-        signal = _along(found, white)
-        noise = found.vectors * np.sqrt(found.inverse)[:, None, :]
-        inside = other.vectors.swapaxes(1, 2) @ noise
-        inside = inside if other.own or found.own else inside.sum(0, keepdims=True)
-        expected = float(np.sum(noise**2) - np.sum(other.inverse[..., None] * inside**2))
-        return np.asarray(np.sum(signal**2, axis=(1, 2)) - np.sum(_along(other, signal) ** 2, axis=(1, 2)) - expected)
+    def _squares_apart(self, i: int, rivals: Sequence[int], white: Floats) -> Iterator[Floats]:
+        """d²κ (n) of what a candidate leaves in white readings (n, U, M) against each of some others, freed of what
+        noise adds."""
+        found = self._axes_of(i)
+        signal = _along(found, white.swapaxes(0, 1))
+        squares, noise = np.sum(signal**2, axis=(0, 2)), found.vectors * np.sqrt(found.inverse)[:, None, :]
+        for other in (self._axes_of(j) for j in rivals):
+            inside = other.vectors.swapaxes(1, 2) @ noise
+            inside = inside if other.own or found.own else inside.sum(0, keepdims=True)
+            expected = float(np.sum(noise**2) - np.sum(other.inverse[..., None] * inside**2))
+            yield np.asarray(squares - np.sum(_along(other, signal) ** 2, axis=(0, 2)) - expected)
 
     def _axes_of(self, i: int) -> SignatureAxes:
         if i not in self._axes:
@@ -136,10 +138,10 @@ class SimulatedDiagnosis:
 
 
 def _along(axes: SignatureAxes, white: Floats) -> Floats:
-    """White readings (n, U, M) as a cause can follow them."""
-    u = np.einsum("umk,num->nuk", axes.vectors, white)
-    u = axes.inverse * (u if axes.own else u.sum(1, keepdims=True))
-    return np.asarray(np.einsum("umk,nuk->num", axes.vectors, np.broadcast_to(u, (len(u), *axes.vectors.shape[::2]))))
+    """White readings (U, n, M) as a cause can follow them."""
+    u = white @ axes.vectors
+    u = axes.inverse[:, None] * (u if axes.own else u.sum(0, keepdims=True))
+    return np.asarray(u @ axes.vectors.swapaxes(1, 2))
 
 
 def _free_spaces(problem: ScoringProblem, floor: NoiseFloor, name: str) -> list[SinglePrecisionBank]:

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
-from station.diagnosis.candidates.shape import with_form
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import RARE_LEVELS, PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.promise import TiedCauses
@@ -112,7 +111,7 @@ def usual_shapes(plan: PlannedCampaign, name: str) -> list[Candidate]:
     if effect is None or not is_testable(effect, view):
         return []
     usual = [c for c in candidates(effect, view) if c.of not in RARE_LEVELS or c.of == effect.of[0]]
-    return usual + [at_form(plan, c, shape) for c in {c.of: c for c in usual}.values() for shape in _more_forms(effect)]
+    return usual + [plan.at_form(c, shape) for c in {c.of: c for c in usual}.values() for shape in _more_forms(effect)]
 
 
 def _more_forms(effect: Effect) -> Iterator[Effect]:
@@ -132,7 +131,7 @@ def shaped_like(plan: PlannedCampaign, usual: Sequence[CandidateAxes], other: Ef
     for c in levels:
         shape = {p.field: wanted[p.field] for p in (c.effect.forms if c.effect else ()) if p.field in wanted}
         if c.effect is not None and shape:
-            at = at_form(plan, c, replace(c.effect, **shape))
+            at = plan.at_form(c, replace(c.effect, **shape))
             out.append((at, plan.axes(at)))
     return out
 
@@ -144,9 +143,4 @@ def axes_of(plan: PlannedCampaign, suspect: CauseHypothesis, usual: Sequence[Can
 
 def suspect_candidate(plan: PlannedCampaign, suspect: CauseHypothesis, usual: Sequence[Candidate]) -> Candidate:
     """A suspect as a candidate of the planned campaign, at its level if there is one."""
-    return at_form(plan, next((c for c in usual if c.of == suspect.of), usual[0]), suspect.effect)
-
-
-def at_form(plan: PlannedCampaign, candidate: Candidate, effect: Effect) -> Candidate:
-    """A candidate at another shape."""
-    return with_form(candidate, effect, plan.problem.view)
+    return plan.at_form(next((c for c in usual if c.of == suspect.of), usual[0]), suspect.effect)

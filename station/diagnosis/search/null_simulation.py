@@ -46,7 +46,8 @@ def scores(
     units = problem.view.grid.units
     copies = -(-units // MAX_DRAWN_UNITS)
     chosen = np.sort(rng.permutation(units)[: units // copies])
-    now = replicate_units(problem, like, chosen, copies)
+    every = [stage.bank for stage in like.best.projected]
+    now = replicate_units(problem, every, like.best.floor, like.slow, chosen, copies)
     banks = [[SinglePrecisionBank(s) for s in stage.projected] for stage in now.stages]
     floors, at_once = (NULL_FLOORS, FLOORS_AT_ONCE) if copies == 1 else (COPIED_FLOORS, 1)
     noise = _noise(problem, fitted, now, rng, floors, sets // floors)

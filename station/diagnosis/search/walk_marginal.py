@@ -107,35 +107,41 @@ def score_over_walks(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFl
 
 def marginalise_walks(problem: ScoringProblem, best: ScoredBank) -> WalkMarginal:
     """A stage with the walks beside it."""
-    most = float(np.sqrt(problem.upper[2]))
-    if not 0.0 < most < np.inf:
-        return WalkMarginal(best, (), ())
-    chosen = [_slow_candidates(problem, s.bank, best.floor, most) for s in best.projected]
-    start = np.cumsum([0, *(len(s.found) for s in best.projected)])
-    slow = tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
+    slow = slow_candidates(problem, [s.bank for s in best.projected], best.floor)
     if not slow:
         return WalkMarginal(best, (), ())
-    floors = _walks(best.floor, most)
+    floors = _walks(problem, best.floor)
     chosen_floors = _hopeful(problem, best, slow, floors)
     found = _score_slow_candidates(partial(score_under_floors, problem.setting), best, slow, chosen_floors)
     return replace(found, hopeless=len(floors) - len(chosen_floors))
 
 
-def replicate_units(problem: ScoringProblem, like: WalkMarginal, chosen: Array, copies: int) -> WalkMarginal:
-    """A panel of the chosen units alone, as if there were so many times as many of them, with the axes."""
+def slow_candidates(problem: ScoringProblem, banks: Sequence[Bank], floor: NoiseFloor) -> tuple[int, ...]:
+    """Places, among all candidates of some banks, of those that are judged over all walks; none where nothing walks."""
+    most = float(np.sqrt(problem.upper[2]))
+    if not 0.0 < most < np.inf:
+        return ()
+    chosen = [_slow_candidates(problem, bank, floor, most) for bank in banks]
+    start = np.cumsum([0, *(len(bank.candidates) for bank in banks)])
+    return tuple(int(a + i) for a, c in zip(start[:-1], chosen, strict=True) for i in c)
+
+
+def replicate_units(
+    problem: ScoringProblem, banks: Sequence[Bank], floor: NoiseFloor, slow: tuple[int, ...], chosen: Array, copies: int
+) -> WalkMarginal:
+    """A panel of the chosen units alone, as if there were so many times as many of them, with the axes. slow: see
+    `slow_candidates`."""
     setting, stops = problem.setting.of_units(chosen)
-    items = [c.select_visits(stops) for c in like.candidates]
-    banks = [build_bank(items, setting.layout, moving=s.bank.moving) for s in like.best.projected]
-
+    items = [c.select_visits(stops) for bank in banks for c in bank.candidates]
+    panel = [build_bank(items, setting.layout, moving=bank.moving) for bank in banks]
     at = partial(score_under_floors, setting, copies=copies, axes=True)
-    (best,) = at(banks, [like.best.floor])
-    if not like.slow:
-        return WalkMarginal(best, (), ())
-    return _score_slow_candidates(at, best, like.slow, _walks(best.floor, float(np.sqrt(problem.upper[2]))))
+    (best,) = at(panel, [floor])
+    return _score_slow_candidates(at, best, slow, _walks(problem, floor)) if slow else WalkMarginal(best, (), ())
 
 
-def _walks(floor: NoiseFloor, most: float) -> list[NoiseFloor]:
+def _walks(problem: ScoringProblem, floor: NoiseFloor) -> list[NoiseFloor]:
     """A floor with each walk that is tried."""
+    most = float(np.sqrt(problem.upper[2]))
     return [replace(floor, walk=part * most) for part in WALK_FRACTIONS]
 
 
