@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data import dwell_steps
 from station.domain.capture import mean_steps
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table
@@ -105,7 +106,8 @@ def _steps(recipe: Recipe, table: SampleTable, begins: Rows, period: float) -> R
         ends = zip([0, *rows], [*rows, len(own)], strict=True)
         change = np.linalg.norm(np.diff([own[a:b].mean(axis=0) for a, b in ends], axis=0), axis=1) if rows else []
         found += [first + row for row, step in zip(rows, change, strict=True) if step < most]
-    return np.array(found, np.intp)
+    found += dwell_steps.find(recipe, table, begins, end, ~long)
+    return np.array(sorted(found), np.intp)
 
 
 def _stretch(since: Floats, stay: Array, span: Floats, many: NDArray[np.bool_], length: float) -> NDArray[np.int64]:
