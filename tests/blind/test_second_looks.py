@@ -8,25 +8,32 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates.bank import build_bank, candidates
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery.discover import Discovery
+from station.diagnosis.discovery.term_fit import candidate_of
+from station.diagnosis.results.diagnose import _gain
 from station.diagnosis.results.first_formula import _is_whole, law_alone
-from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _leaves_noise, _rest
+from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _is_law_of, _leaves_noise, _rest
 from station.diagnosis.search.alarm import EXPLAINS_NATS
 from station.diagnosis.search.cause_search import search_causes
 from station.diagnosis.search.finding import _indistinguishable, _rival_of, cause_finding
 from station.diagnosis.search.form_check import compare_laws, in_place_of
+from station.diagnosis.search.held_out_gain import held_out_gain
 from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, problem_in_view, refined
 from station.diagnosis.search.rank import causes_of, leaders, with_free_variance
 from station.diagnosis.search.returning_walk import nats_ahead
-from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.search_state import CauseSearch, LawAlone
 from station.diagnosis.search.second_look import judged_again
 from station.domain.core.types import Floats
 from station.domain.recipe.blocks import DwellRule
 from station.domain.recipe.recipe import Recipe
+from station.model.effects.cubic import Cubic
+from station.model.formula.term import Term
 from station.model.model_file import Model
 from tests.blind.bench import Hidden, World, hide
 from tests.blind.hidden import KNOWN
@@ -234,3 +241,40 @@ def test_at_six_faces_a_cause_is_no_state_of_each_unit() -> None:
     faces = six_faces("listed")
     problem = problem_of(KNOWN["bias-drift"], 60 + SEED, units=4, d=14.0, kind=faces)
     assert max(found.nats for found in find_states(problem, problem.fit().floor).values()) < 20.0
+
+
+def bent_alike(w: World, rng: Any) -> tuple[Floats, Floats]:
+    """A cube of which all units have much the same and each a little of its own."""
+    units = int(w.unit.max()) + 1
+    c = rng.amplitude(2e-4, (1, 3)) + 0.4 * rng.amplitude(2e-4, (units, 3))
+    return w.a, c[w.unit] * w.a**3
+
+
+def test_what_units_share_and_what_each_has_beside_it_confirm_each_other() -> None:
+    """Either is half of the other: held out alone, one of them gains nothing."""
+    problem = problem_of(bent_alike, 320 + SEED, units=6, d=20.0)
+    floor = problem.fit().floor
+    own = [c for c in candidates(Cubic.example(), problem.view) if c.of in ("common", "unit")]
+    now = score_bank(problem, [build_bank(own, problem.view.layout, moving=False)], floor)
+    both = refined(problem.with_accepted([now.accept(c, problem.view) for c in own]))
+    assert not all(held_out_gain(both, i, floor).accepted for i in range(2))
+    gains = [_gain(both, 0, i, floor) for i in range(2)]
+    assert gains[0] == gains[1]
+    assert gains[0].accepted
+
+
+def test_a_formula_that_writes_a_cause_with_other_coefficients_takes_no_place_of_it() -> None:
+    """A cube of one axis of each unit is known physics; a square, or what follows the time, is none of it."""
+    problem = problem_of(bent_alike, 330 + SEED, units=3, d=20.0)
+    noise = problem.fit().floor.noise
+    (common,) = [c for c in candidates(Cubic.example(), problem.view) if c.of == "common"]
+    cause = accept_candidate(common, np.ones(1, bool), 1e-3)
+    for name, modulator, same in (
+        ("own-cubed", "constant", True),
+        ("own-squared", "constant", False),
+        ("own-cubed", "time", False),
+    ):
+        term = candidate_of(Term(name, modulator, ("z",), "unit", ()), problem.view)
+        ones = np.full((len(term.names), term.axes), 1e-3)
+        item = AcceptedCause(term, np.ones(len(term.names), bool), ones, 0 * ones, ones)
+        assert _is_law_of(item, cause, problem, noise) is same

@@ -5,15 +5,22 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
+from station.diagnosis.candidates.bank import Candidate, build_bank, candidates, cause_library
+from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.kernels import INPUT_WAVES
+from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.candidates.rival_laws import rival_laws
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.results.diagnose import _cause
 from station.diagnosis.search import law_chance, null_simulation
+from station.diagnosis.search.cause_search import _beside_unlikely
 from station.diagnosis.search.finding import CauseFinding, depends_on
 from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, compare_laws, in_place_of
+from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
@@ -41,6 +48,30 @@ def test_a_name_that_a_law_fits_as_well_is_not_certain() -> None:
 def test_a_name_far_ahead_of_every_law_is_certain() -> None:
     assert named(-6.0) > 0.999
     assert named(-math.inf) == 1.0
+
+
+def test_beside_a_stronger_cause_that_is_unlikely_a_weaker_one_is_not_certain() -> None:
+    """What a cause of the wrong form leaves is as large as a weaker cause."""
+    found = [found_at(200.0, 0.01), found_at(8.0, 0.999), found_at(300.0, 0.98)]
+    assert [f.set_probability for f in _beside_unlikely(found)] == pytest.approx([0.01, 0.5, 0.98])
+    assert [f.set_probability for f in _beside_unlikely(found[1:])] == pytest.approx([0.999, 0.98])
+
+
+def found_at(d: float, probability: float) -> CauseFinding:
+    """A cause of some strength, half of whose probability is that of one that it cannot be told from."""
+    floor, columns = NoiseFloor(1e-4, 0.0, 0.0), StopColumns.of(np.ones((2, 3, 1)))
+    candidate = Candidate("cubic", None, "common", "shared", np.zeros(2, np.int32), ("common",), columns)
+    accepted = accept_candidate(candidate, np.ones(1, bool), 1.0)
+    each = dict.fromkeys(("cubic", "quadratic"), probability / 2)
+    return CauseFinding("cubic", accepted, floor, {}, each, ("quadratic",), d, 9.0)
+
+
+@given(st.floats(-3.0, 1.99))
+def test_a_cause_is_no_surer_than_its_gain(score: float) -> None:
+    gain = HeldOutGain("visit", 1e-4, 1e-4, 0.0, 5.0 * score, 5.0)
+    cause = _cause(found_at(8.0, 1.0), None, gain)
+    assert cause.finding.set_probability == pytest.approx(NormalDist().cdf(score))
+    assert _cause(found_at(8.0, 0.01), None, gain).finding.set_probability <= 0.01
 
 
 def test_odds_fall_by_e_with_each_nat_that_a_law_gains() -> None:

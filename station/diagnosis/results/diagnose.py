@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from station import plugins
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data import input_checks
@@ -14,12 +15,12 @@ from station.diagnosis.data.faults import GrossFault, Inspection, inspect
 from station.diagnosis.data.reduce import ReducedScene, reduce_samples
 from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
-from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
 from station.diagnosis.search.cause_search import SearchResult, search_causes
 from station.diagnosis.search.finding import CauseFinding
-from station.diagnosis.search.held_out_gain import HeldOutGain, held_out_gain
+from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.search_state import CauseSearch, LawAlone, NullFactory
@@ -186,13 +187,27 @@ def _causes(
             continue
         if finding.accepted is None:
             if _still_exceeds_allowance(finding, searched, floor):
-                out.append(Cause(finding, None, _floor_gain(finding, residual_rms(last))))
+                out.append(_cause(finding, None, _floor_gain(finding, residual_rms(last))))
             continue
-        out.append(Cause(finding, sized[consumed], held_out_gain(last, before + consumed, floor.floor)))
+        out.append(_cause(finding, sized[consumed], _gain(last, before, before + consumed, floor.floor)))
         consumed += 1
     # Beside a cause that pays, one that does not is a shadow of it; alone, one that gains nothing is no finding at all.
     paying = tuple(cause for cause in out if cause.gain.accepted)
     return paying or tuple(cause for cause in out if cause.gain.log_score > EXPLAINS_NATS)
+
+
+def _cause(finding: CauseFinding, estimate: Estimate | None, gain: HeldOutGain) -> Cause:
+    """A cause; one that held-out data do not confirm is no surer than they are that it gains anything."""
+    return Cause(finding if gain.accepted else finding.at_most(gain.chance), estimate, gain)
+
+
+def _gain(last: ScoringProblem, first: int, i: int, floor: NoiseFloor) -> HeldOutGain:
+    """The gain of accepted cause i, of those from the first one on that were found: of what all units share and what
+    each has beside it together, because either is half of the other."""
+    name = last.accepted[i].candidate.name
+    same = [k for k in range(first, len(last.accepted)) if last.accepted[k].candidate.name == name]
+    same.sort(key=lambda k: last.accepted[k].candidate.of not in PER_UNIT_LEVELS)
+    return gain_together(last, same, floor)
 
 
 def _remainder(searched: SearchResult, faults: tuple[GrossFault, ...], causes: tuple[Cause, ...]) -> tuple[str, ...]:

@@ -6,7 +6,8 @@ is looked for once more with none of them known. Where it then leaves nothing, m
 nothing else did, they go; so do those that leave something, or that laws of no cause are likelier than, where it says
 more in fewer terms. One that says the same as a term of the formula stays in its place, for its physics is
 known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal, and
-one formula writes it in one term.
+one formula writes it in one term. And so do causes whose laws a formula's terms are, with other coefficients for a
+unit or an axis: what units have in common and what each has beside it are found one after the other.
 
 A single cause goes, too, where it leaves what is no noise and one term leaves none: a wave is followed by a step. It
 stays where another that these data cannot tell from it leaves none in its place: that is known physics.
@@ -72,10 +73,11 @@ def simplest_explanation(
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
     most = max(with_causes.parts - 1, 1) if quiet else MAX_TERMS
     alone = propose_formula(searched, last, (), samples, most_terms=most)
-    if whole and _are_the_formula(alone, paying):
-        return with_causes
+    if not doubtful and (written := _written_in(alone, paying, last)):
+        return _of_fewest_causes(searched, with_causes, written, last, samples)
     # Causes that leave nothing are known physics: only a whole law takes their place.
-    if not alone.terms or (not alone.quiet and whole and not doubtful):
+    part = not alone.terms or (not alone.quiet and whole and not doubtful)
+    if part or (whole and _are_the_formula(alone, paying)):
         return with_causes
     if (quiet or not alone.quiet) and not _is_simpler(alone, with_causes, last):
         return with_causes
@@ -84,6 +86,20 @@ def simplest_explanation(
         if _is_quiet(mixed) or not alone.quiet:
             return mixed
     return Explanation((), alone)
+
+
+def _of_fewest_causes(
+    searched: SearchResult,
+    with_causes: Explanation,
+    written: tuple[AcceptedCause, ...],
+    last: ScoringProblem,
+    samples: SampleSource,
+) -> Explanation:
+    """Those of the causes whose laws a formula writes, where they leave nothing; else all."""
+    if len(written) == len(with_causes.causes):
+        return with_causes
+    fewer = Explanation(written, propose_formula(searched, last, written, samples))
+    return fewer if _is_quiet(fewer) else with_causes
 
 
 def _leaves_noise(searched: SearchResult, last: ScoringProblem, cause: AcceptedCause) -> bool:
@@ -186,6 +202,33 @@ def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool
         if float(np.sum(rest**2)) > SAME_LAW * float(np.sum(columns**2)):
             return False
     return True
+
+
+def _written_in(alone: Hypotheses, causes: Sequence[AcceptedCause], last: ScoringProblem) -> tuple[AcceptedCause, ...]:
+    """The causes whose laws the terms of a formula are, each unit free to have as much of it as it has; none unless
+    every term is one. Of several that a term may be, all stay."""
+    problem, noise = alone.problem, last.fit().floor.noise
+    terms = problem.accepted[len(problem.accepted) - len(alone.terms) :]
+    still = [cause for cause in causes if not cause.candidate.moving and cause.candidate.pattern != "scan"]
+    same = [[cause for cause in still if _is_law_of(term, cause, problem, noise)] for term in terms]
+    if not same or not all(same):
+        return ()
+    chosen = {id(cause) for some in same for cause in some}
+    return tuple(cause for cause in causes if id(cause) in chosen)
+
+
+def _is_law_of(term: AcceptedCause, cause: AcceptedCause, problem: ScoringProblem, noise: float) -> bool:
+    """Whether a cause leaves less than one standard deviation of all visits together of what a term does."""
+    view, one = problem.view, term.candidate
+    if one.moving:
+        return False
+    does = np.einsum("via,va->vi", one.stop, np.where(term.hit[:, None], term.coefficient, 0.0)[one.code])
+    columns = np.concatenate([cause.in_view(view).candidate.stop, view.calibration(problem.matrix)], axis=2)
+    left, unit = 0.0, view.scene.visits.unit.code
+    for u in np.unique(unit):
+        own, target = columns[unit == u].reshape(-1, columns.shape[2]), does[unit == u].ravel()
+        left += float(np.sum((target - own @ np.linalg.lstsq(own, target, rcond=None)[0]) ** 2))
+    return left < noise**2
 
 
 def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:

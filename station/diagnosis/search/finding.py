@@ -71,6 +71,12 @@ class CauseFinding:
         share = 1 / (1 + np.exp(min(nats, 500.0)))
         return replace(self, probability={name: float(p * share) for name, p in self.probability.items()})
 
+    def at_most(self, chance: float) -> "CauseFinding":
+        """The finding with a probability of its set no greater than a chance."""
+        now = self.set_probability
+        share = chance / now if now > chance else 1.0
+        return replace(self, probability={name: p * share for name, p in self.probability.items()})
+
     @property
     def set_probability(self) -> float:
         """Of the cause together with those it cannot be told from."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
 from station.diagnosis.candidates.nuisance import AcceptedCause
@@ -51,6 +52,11 @@ class HeldOutGain:
     def accepted(self) -> bool:
         """Whether it gains more than chance would."""
         return self.log_score > 2 * self.std_error
+
+    @property
+    def chance(self) -> float:
+        """Of any gain at all, by the score and its standard error."""
+        return float(scipy.special.ndtr(self.log_score / self.std_error)) if self.std_error > 0 else 1.0
 
 
 def held_out_gain(problem: ScoringProblem, i: int, floor: NoiseFloor) -> HeldOutGain:
