@@ -1,11 +1,11 @@
 """The course of a recorded temperature: how warm it was, how fast that changed, and how well the latter is known.
 
-Within a run T = β₀ + β₁ t + f(t) + noise, f an integrated Wiener process: the cubic smoothing spline (Wahba 1978). Its
-stiffness is the one that restricted likelihood prefers over all runs; the slope at each visit is its conditional mean,
-and what is not known of it its conditional covariance. Few visits tell little of the stiffness: values are means over
-all that are likely. β₁ is normal from run to run: noisy slopes are drawn to their
-mean, because a cause in proportion to them as they are comes out too small (regression calibration: Carroll, Ruppert,
-Stefanski and Crainiceanu, Measurement Error in Nonlinear Models, 2nd ed., ch. 4).
+Within a run T = β₀ + β₁ t + f(t) + noise, f an integrated Wiener process: the cubic smoothing spline (Wahba 1978); the
+slope at each visit is its conditional mean, and what is not known of it its conditional covariance. β₁ is normal from
+run to run: noisy slopes are drawn to their mean, because a cause in proportion to them as they are comes out too small
+(regression calibration: Carroll, Ruppert, Stefanski and Crainiceanu, Measurement Error in Nonlinear Models, 2nd ed.,
+ch. 4). Few visits tell little of the stiffness, and few runs of how far slopes scatter: all are means over what
+restricted likelihood does not rule out.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.domain.core.types import Array, Floats
-from station.model import long_temperature_run
+from station.domain.core.types import Floats
+from station.model import long_temperature_run, slope_scatter
+from station.model.slope_scatter import Scatter
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a visit.
-STIFFNESS_RATIOS = np.geomspace(1e-2, 1e8, 21)
+STIFFNESS_RATIOS = np.geomspace(1e-1, 1e8, 19)
 #: Odds, beside the likeliest one, below which a stiffness is ruled out.
 LEAST_ODDS = 0.02
 #: A thermometer's noise from visit to visit is no more than this, degC, nor than so many times what visits usually are
@@ -25,10 +26,8 @@ LEAST_ODDS = 0.02
 MOST_NOISE_DEGC, MOST_BEYOND_SCATTER, MEDIAN_PER_SIGMA = 0.1, 2.0, 0.6745
 #: Noise of less than this share of the deviation of all temperatures blurs no cause.
 LEAST_NOISE_SHARE = 0.01
-#: Runs that the stiffness is judged by, at most.
-MAX_LIKELIHOOD_RUNS = 48
-#: So many runs show how their slopes scatter; fewer are taken as they are.
-RUNS_TO_POOL = 4
+#: Visits of the runs that the stiffness is judged by, at most.
+MAX_LIKELIHOOD_VISITS = 12_000
 #: Modes kept of what is not known of a slope.
 MODES = 3
 #: Visits of a run beyond which no matrix has as many rows: its cost grows with the cube of them.
@@ -61,19 +60,63 @@ class TemperatureCourse(NamedTuple):
 
 def temperature_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[TemperatureCourse]:
     """The courses of runs, each given as times (n) in s and means (n) of its visits."""
+    share, likely = zip(*likely_courses(runs), strict=True)
+    return [_mean_course(np.array(share), each) for each in zip(*likely, strict=True)]
+
+
+def likely_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[tuple[float, list[TemperatureCourse]]]:
+    """The same for each likely stiffness and scatter of the slopes between runs, with its probability."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
-    by_length: dict[int, list[int]] = {}
+    kinds: dict[tuple[int, bool], list[int]] = {}
     for i, (t, _) in enumerate(runs):
-        by_length.setdefault(len(t), []).append(i)
-    scaled = {n: _stacked([runs[i] for i in places], longest) for n, places in by_length.items()}
-    likely = _stiffness(list(scaled.values()))
-    smooth = _is_smooth(list(scaled.values()), likely)
-    found: dict[int, TemperatureCourse] = {}
-    for n, places in by_length.items():
-        course = _course(scaled[n], likely)
-        for i, value, slope, modes in zip(places, *course, strict=True):
-            found[i] = TemperatureCourse(value if smooth else runs[i][1], slope / longest, modes / longest)
-    return [found[i] for i in range(len(runs))]
+        kinds.setdefault((len(t), len(t) > 1 and float(np.ptp(t)) > 0), []).append(i)
+    scaled = [_stacked([runs[i] for i in places], longest) for places in kinds.values()]
+    likely = _stiffness(scaled)
+    fitted = [_fitted(each, likely) if goes_on else () for each, (_, goes_on) in zip(scaled, kinds, strict=True)]
+    share = _joint_probabilities(likely, fitted)
+    smooth = _is_smooth(scaled, [g._replace(share=float(w)) for g, w in zip(likely, share.sum(1), strict=True)])
+    found = []
+    for s, b in np.argwhere(share):
+        courses: dict[int, TemperatureCourse] = {}
+        for (_, goes_on), places, each, lines in zip(kinds, kinds.values(), scaled, fitted, strict=True):
+            at = (lines[s], int(b)) if lines else None
+            course = _course(each, likely[s], at) if goes_on else _standing_still(each)
+            for i, value, slope, modes in zip(places, *course, strict=True):
+                courses[i] = TemperatureCourse(value if smooth else runs[i][1], slope / longest, modes / longest)
+        found.append((float(share[s, b]), [courses[i] for i in range(len(runs))]))
+    return found
+
+
+def _joint_probabilities(likely: Sequence[Stiffness], fitted: Sequence[Sequence["FittedLine"]]) -> Floats:
+    """How likely each stiffness and scatter (s, b) is, 0 where it is ruled out: by the runs' courses, by how the slopes
+    of all kinds of runs scatter, and by those of most runs by how far. Of scatters that do alike, one."""
+    share = np.array([each.share for each in likely])[:, None] * np.eye(slope_scatter.LIKELY)[0]
+    told = [each for each in fitted if each]
+    if not told:
+        # So many visits tell the stiffness, or none goes on.
+        share = np.where(share == share.max(), 1.0, 0.0)
+    else:
+        nats = np.sum([[f.scatter.evidence for f in each] for each in told], axis=0)
+        lines = max(told, key=lambda each: len(each[0].line))
+        scatter = np.stack([f.scatter.probability for f in lines])
+        if all(f.scatter.known for f in lines):
+            scatter = scatter == scatter.max(axis=1, keepdims=True)
+        share = share.sum(1, keepdims=True) * np.exp(nats - nats.max())[:, None] * scatter
+    share = np.where(share > LEAST_ODDS * share.max(), share, 0.0)
+    return np.asarray(share / share.sum())
+
+
+def _mean_course(share: Floats, likely: Sequence[TemperatureCourse]) -> TemperatureCourse:
+    """The mean of the likely courses of one run; what they differ by is not known of its slope either."""
+    if len(likely) == 1:
+        return likely[0]
+    slope = np.asarray(share @ np.stack([c.slope for c in likely]))
+    # Of values that are as read in all, those.
+    value = likely[0].value + share @ np.stack([c.value - likely[0].value for c in likely])
+    off = [np.sqrt(w) * np.c_[c.slope - slope, c.modes] for w, c in zip(share, likely, strict=True)]
+    vectors, size, _ = np.linalg.svd(np.concatenate(off, axis=1), full_matrices=False)
+    modes = (vectors * size)[:, :MODES]
+    return TemperatureCourse(value, slope, np.pad(modes, ((0, 0), (0, MODES - modes.shape[1]))))
 
 
 def _is_smooth(kinds: Sequence[RunTemperatures], likely: Sequence[Stiffness]) -> bool:
@@ -105,7 +148,7 @@ def _stiffness(kinds: Sequence[RunTemperatures]) -> list[Stiffness]:
     if not long:
         return [Stiffness(1.0, 0.0, 1.0)]
     by_length = max(long, key=lambda runs: len(runs.time))
-    every = max(1, len(by_length.time) // MAX_LIKELIHOOD_RUNS)
+    every = max(1, by_length.time.size // MAX_LIKELIHOOD_VISITS)
     judges = RunTemperatures(by_length.time[::every], by_length.value[::every])
     logdet, squares = _likelihoods(judges)
     free = len(judges.time) * (judges.time.shape[1] - 2)
@@ -143,94 +186,71 @@ def _covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
     return np.eye(t.shape[-1]) + ratio * (low**2 * high / 2 - low**3 / 6), np.stack([np.ones_like(t), t], -1)
 
 
-def _course(runs: RunTemperatures, likely: Sequence[Stiffness]) -> tuple[Floats, Floats, Floats]:
-    """Values (r, n), slopes (r, n) per length of the longest run, and the modes of their errors (r, n, MODES)."""
-    t = runs.time
-    still = ~(np.ptp(t, axis=1) > 0)
-    if t.shape[1] < 2 or still.any():
-        # A run that never goes on has no slope, and one of a single stop none either.
-        return _with_constant_runs(runs, still | (t.shape[1] < 2), likely)
-    if t.shape[1] > MOST_DENSE_VISITS:
-        # So many visits tell the stiffness.
-        best = max(likely, key=lambda each: each.share)
-        each = [long_temperature_run.course_and_modes(t, T, best.ratio, MODES) for t, T in zip(*runs, strict=True)]
-        value, slope, modes = (np.stack([one[i] for one in each]) for i in range(3))
-        return value, slope, best.noise * modes
-    slope, modes = _slope(runs, max(likely, key=lambda each: each.share))
-    return np.asarray(sum(each.share * _value(runs, each) for each in likely)), slope, modes
-
-
-def _value(runs: RunTemperatures, given: Stiffness) -> Floats:
-    """Values (r, n) where the stiffness is known: what was read without what passes for noise."""
-    V, B = _covariance(runs.time, given.ratio)
-    return runs.value - _fit(V, B, runs.value, given.noise, B[..., :0]).left[..., 0]
-
-
-def _slope(runs: RunTemperatures, given: Stiffness) -> tuple[Floats, Floats]:
-    """Slopes (r, n) and the modes of their errors (r, n, MODES) where the stiffness is known."""
-    t, ratio = runs.time, given.ratio
-    V, B = _covariance(t, ratio)
-    # cov(f'(s), f(t)): ∫₀ᵗ min(s, u) du.
-    low = np.minimum(t[:, :, None], t[:, None, :])
-    with_f = ratio * (low * t[:, None, :] - low**2 / 2)
-    fitted = _fit(V, B, runs.value, given.noise, with_f.swapaxes(1, 2))
-    toward = np.array([0.0, 1.0]) - with_f @ fitted.base
-    slope = fitted.line[:, 1] + (with_f @ fitted.left)[..., 0]
-    unknown = ratio * low - with_f @ fitted.others + toward @ fitted.normal @ toward.swapaxes(1, 2)
-    values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
-    modes = vectors[..., -MODES:] * (given.noise * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0)))
-    return slope, np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
-
-
 class FittedLine(NamedTuple):
-    """The runs' straight lines (r, 2, 1) with their covariance (r, 2, 2) in units of noise²; and V⁻¹ of what they leave
-    (r, n, 1), of the lines' columns (r, n, 2) and of others (r, n, k)."""
+    """Of runs (r) with a stiffness: their straight lines (r, 2, 1) with their precision (r, 2, 2) in units of noise²,
+    each by itself; V⁻¹ of the readings (r, n, 1), of the lines' columns (r, n, 2) and of cov(f, f′) (r, n, n);
+    scatter: of their slopes."""
 
+    given: Stiffness
     line: Floats
-    normal: Floats
-    left: Floats
+    precision: Floats
+    of_value: Floats
     base: Floats
-    others: Floats
+    with_f: Floats
+    scatter: Scatter
 
 
-def _fit(V: Floats, B: Floats, value: Floats, noise: float, others: Floats) -> FittedLine:
-    """The lines of values (r, n), with other columns (r, n, k) solved beside them."""
-    solved = np.linalg.solve(V, np.concatenate([B, value[..., None], others], axis=2))
+def _fitted(runs: RunTemperatures, likely: Sequence[Stiffness]) -> tuple[FittedLine, ...]:
+    """The lines at every likely stiffness; none of so many visits that they tell all."""
+    return () if runs.time.shape[1] > MOST_DENSE_VISITS else tuple(_fit(runs, given) for given in likely)
+
+
+def _fit(runs: RunTemperatures, given: Stiffness) -> FittedLine:
+    V, B = _covariance(runs.time, given.ratio)
+    with_f = _slope_covariance(runs.time, given.ratio)[0]
+    solved = np.linalg.solve(V, np.concatenate([B, runs.value[..., None], with_f.swapaxes(1, 2)], axis=2))
     base, of_value = solved[..., :2], solved[..., 2:3]
     precision = B.swapaxes(1, 2) @ base
-    own = np.asarray(np.linalg.solve(precision, B.swapaxes(1, 2) @ of_value))
-    normal, line = _drawn_together(precision, own, noise)
-    return FittedLine(line, normal, of_value - base @ line, base, solved[..., 3:])
+    line = np.asarray(np.linalg.solve(precision, B.swapaxes(1, 2) @ of_value))
+    own = np.asarray(given.noise**2 * np.linalg.inv(precision)[:, 1, 1], float)
+    scatter = slope_scatter.scatter(line[:, 1, 0], own)
+    return FittedLine(given, line, precision, of_value, base, solved[..., 3:], scatter)
 
 
-def _drawn_together(precision: Floats, line: Floats, noise: float) -> tuple[Floats, Floats]:
-    """Covariance (r, 2, 2), in units of noise², and means (r, 2, 1) of the runs' lines, β₁ normal about its mean.
-
-    precision, line: the same of each run by itself. Variance between runs by moments (DerSimonian and Laird 1986).
-    """
-    normal = np.asarray(np.linalg.inv(precision))
-    if len(line) < RUNS_TO_POOL or not noise > 0:
-        return normal, line
-    slope, own = line[:, 1, 0], noise**2 * normal[:, 1, 1]
-    weight = 1 / own
-    mean = float(np.average(slope, weights=weight))
-    free = weight.sum() - np.sum(weight**2) / weight.sum()
-    between = float(np.sum(weight * (slope - mean) ** 2) - (len(slope) - 1)) / free
-    # None seen is no proof of none: as much as one standard deviation of that estimate may be there.
-    between = max(between, float(np.sqrt(2 / (len(slope) - 1)) / np.mean(weight)))
-    mean = float(np.average(slope, weights=1 / (own + between)))
-    prior = np.zeros_like(precision)
-    prior[:, 1, 1] = noise**2 / between
-    normal = np.asarray(np.linalg.inv(precision + prior))
-    return normal, normal @ (precision @ line + prior[:, :, 1:] * mean)
+def _slope_covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
+    """cov(f′(s), f(t)): ∫₀ᵗ min(s, u) du, and cov(f′, f′) (r, n, n)."""
+    low = np.minimum(t[:, :, None], t[:, None, :])
+    return ratio * (low * t[:, None, :] - low**2 / 2), ratio * low
 
 
-def _with_constant_runs(
-    runs: RunTemperatures, still: Array, likely: Sequence[Stiffness]
+def _course(
+    runs: RunTemperatures, given: Stiffness, fitted: tuple[FittedLine, int] | None
 ) -> tuple[Floats, Floats, Floats]:
-    """The same where some runs (r) have no slope: 0."""
-    value, slope, modes = runs.value.copy(), np.zeros(runs.time.shape), np.zeros((*runs.time.shape, MODES))
-    if not still.all():
-        moving = RunTemperatures(runs.time[~still], runs.value[~still])
-        value[~still], slope[~still], modes[~still] = _course(moving, likely)
-    return value, slope, modes
+    """Values (r, n), slopes (r, n) per length of the longest run, and the modes of their errors (r, n, MODES), where
+    the stiffness is known; fitted: their lines, and which scatter these have, None of so many visits that tell all."""
+    if fitted is None:
+        each = [long_temperature_run.course_and_modes(t, T, given.ratio, MODES) for t, T in zip(*runs, strict=True)]
+        value, slope, modes = (np.stack([one[i] for one in each]) for i in range(3))
+        return value, slope, given.noise * modes
+    value, slope, unknown = _given(runs, *fitted)
+    values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
+    modes = vectors[..., -MODES:] * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0))
+    return value, slope, np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
+
+
+def _standing_still(runs: RunTemperatures) -> tuple[Floats, Floats, Floats]:
+    """The same of runs that never go on, or of a single stop: they have no slope."""
+    return runs.value, np.zeros(runs.time.shape), np.zeros((*runs.time.shape, MODES))
+
+
+def _given(runs: RunTemperatures, fitted: FittedLine, b: int) -> tuple[Floats, Floats, Floats]:
+    """Values (r, n), which are what was read without what passes for noise, slopes (r, n) and the covariance of their
+    errors (r, n, n), where the stiffness and the scatter of the slopes are known."""
+    noise = fitted.given.noise
+    with_f, of_slopes = _slope_covariance(runs.time, fitted.given.ratio)
+    normal, line = slope_scatter.drawn_together(fitted.precision, fitted.line, noise, float(fitted.scatter.between[b]))
+    left = fitted.of_value - fitted.base @ line
+    toward = np.array([0.0, 1.0]) - with_f @ fitted.base
+    slope = line[:, 1] + (with_f @ left)[..., 0]
+    unknown = of_slopes - with_f @ fitted.with_f + toward @ normal @ toward.swapaxes(1, 2)
+    return runs.value - left[..., 0], slope, noise**2 * unknown

@@ -41,13 +41,13 @@ def test_the_error_is_as_large_as_said(noise: float) -> None:
 def test_a_cause_in_proportion_to_slopes_that_noise_blurs_keeps_its_size() -> None:
     """As they are, slopes of short runs scatter twice as far as the true ones, and the size came out a fifth."""
     rng = np.random.default_rng(11)
-    t, runs = np.linspace(0.0, 20.0, 6), 2000
+    t, runs = np.linspace(0.0, 20.0, 6), 600
     true = rng.normal(0.01, 0.002, runs)
     noise = 0.004 * np.sqrt(np.sum((t - t.mean()) ** 2))
     found = temperature_courses([(t, 20.0 + b * t + noise * rng.standard_normal(6)) for b in true])
     seen = np.array([f.slope.mean() for f in found])
     size = float(np.cov(true, seen)[0, 1] / np.var(seen))
-    # A fifth of the scatter is true: the size is known to √(.8 / .2 / 2000) = .045.
+    # A fifth of the scatter is true: the size is known to √(.8 / .2 / 600) = .08.
     assert size == pytest.approx(1.0, abs=0.2)
     own = np.mean([np.sum(f.modes.mean(axis=0) ** 2) for f in found])
     assert own == pytest.approx(np.mean((seen - true) ** 2), rel=0.2)
@@ -103,7 +103,9 @@ def test_a_long_run_gives_the_same_in_linear_time_as_by_its_whole_covariance(rat
     t = np.cumsum(rng.uniform(0.4, 1.6, (2, visits)), axis=1)
     t = (t - t[:, :1]) / np.ptp(t, axis=1).max()
     runs = RunTemperatures(t, 25 + 3 * np.sin(9 * t) + 0.02 * rng.standard_normal(t.shape))
-    value, slope, modes = temperature_course._course(runs, [Stiffness(ratio, 1.0, 1.0)])
+    given = Stiffness(ratio, 1.0, 1.0)
+    (lines,) = temperature_course._fitted(runs, [given])
+    value, slope, modes = temperature_course._course(runs, given, (lines, 0))
     logdet, squares = temperature_course._likelihoods(runs)
     long_logdet, long_squares = long_temperature_run.likelihoods(*runs, temperature_course.STIFFNESS_RATIOS)
     np.testing.assert_allclose(long_logdet, logdet, rtol=0, atol=1e-6)

@@ -253,7 +253,7 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     for shaped in scanned_forms(effect, view):
         columns = StopColumns.in_bank(view, *view.signature(shaped))
         found += [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(effect, view)]
-    return [_with_covariate_error(_with_even_powers(c, view), view) for c in found]
+    return [with_covariate_error(_with_even_powers(c, view), view) for c in found]
 
 
 def _with_even_powers(c: Candidate, view: ResidualView) -> Candidate:
@@ -267,7 +267,7 @@ def _with_even_powers(c: Candidate, view: ResidualView) -> Candidate:
     return replace(c, columns=StopColumns.in_bank(view, c.stop * scale), plain=plain)
 
 
-def _with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
+def with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
     """The candidate with what its covariate's error adds: c·(x + Σ z·mode) has the columns x and mode, of one variance.
 
     Without them a cause with a noisy covariate would lose to any that has nearly the same course and none of its noise.

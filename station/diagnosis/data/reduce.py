@@ -66,6 +66,7 @@ class ReducedScene:
     ringing_hz: tuple[float, ...] = ()
     sample_axes: Floats = field(default_factory=lambda: np.ones(3))
     axis_correlation: Floats = field(default_factory=lambda: np.eye(3))
+    read_degC: Floats | None = None
 
     @property
     def contrast_noise(self) -> Floats:
@@ -205,6 +206,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         differences.excess_variance(),
         sample_axes=axes,
         axis_correlation=differences.correlation(),
+        read_degC=means.values.get("temperature_degC"),
     )
 
 

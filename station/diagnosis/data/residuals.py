@@ -30,6 +30,7 @@ from station.model.forward import (
     sensor_signal,
 )
 from station.model.scene import Scene, Signal
+from station.model.temperature_course import likely_courses
 
 #: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
 MIN_NOISE_RATIO = 0.5
@@ -39,6 +40,8 @@ LEAST_NOISE_SHARE = 1e-7
 COURSES = frozenset({"time", "since-power", "since-clamp", "temperature", "temperature-input"})
 #: Visits whose blocks are looked into together: with sixteen numbers a column each, a megabyte.
 VISITS_AT_ONCE = 2048
+#: Courses of the temperature, of those that are likely, that sizes are looked at with.
+MOST_COURSES = 8
 #: An axis whose stimulus varies by less than this share of its strength (rms over a unit's stops) shows no gain.
 MIN_GAIN_STIMULUS = 1e-3
 
@@ -154,9 +157,26 @@ class ResidualView:
 
         return np.stack([(off_by(mode) - off_by(-mode)) / 2 for mode in modes.T], axis=-1)
 
-    def with_rate(self, rate: Floats) -> "ResidualView":
-        """The view of stops whose temperature changes at another rate (v), degC/s."""
-        return replace(self, reduced=replace(self.reduced, scene=replace(self.scene, temperature_rate=rate)))
+    def with_rate(self, rate: Floats, error: Floats | None = None) -> "ResidualView":
+        """The view of stops whose temperature changes at another rate (v), degC/s, not known to modes (v, modes)."""
+        scene, error = replace(self.scene, temperature_rate=rate), self.reduced.rate_error if error is None else error
+        return replace(self, reduced=replace(self.reduced, scene=scene, rate_error=error))
+
+    def by_likely_rates(self) -> "list[tuple[float, ResidualView]]":
+        """Probabilities of likely courses of the temperature, of many of some, and the view with the rate of each."""
+        read = self.reduced.read_degC
+        if read is None:
+            return [(1.0, self)]
+        runs = [(self.scene.time_s[rows], read[rows]) for rows in self.scene.visits.run_slices()]
+        share, likely = zip(*likely_courses(runs), strict=True)
+        chosen, weight = np.arange(len(share)), np.array(share)
+        if len(share) > MOST_COURSES:
+            # As many in each part of the probability: those of the middles.
+            middles = (np.arange(MOST_COURSES) + 0.5) / MOST_COURSES
+            chosen, count = np.unique(np.searchsorted(np.cumsum(weight), middles), return_counts=True)
+            weight = count / MOST_COURSES
+        parts = (tuple(np.concatenate([getattr(c, p) for c in likely[i]]) for p in ("slope", "modes")) for i in chosen)
+        return [(float(w), self.with_rate(*part)) for w, part in zip(weight, parts, strict=True)]
 
     def stimulated(self) -> Floats:
         """Which axes of each stop's unit (v, 3) feel a stimulus that varies, 1 or 0: only those have a gain to fit.

@@ -11,9 +11,10 @@ from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidat
 from station.diagnosis.candidates.shape import FormEstimate, tunable_parameters, tune_form, with_form_value
 from station.diagnosis.candidates.solve import WhiteRows, solve, whitened, with_priors
 from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.results.covariate_posterior import sizes_beside_error
 from station.diagnosis.results.form_posterior import FormPosterior, form_posterior
 from station.diagnosis.search.problem import refined, visit_interval_s
-from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.diagnosis.search.scoring import AmplitudeLikelihood, ScoringProblem, score_bank
 from station.domain.core.types import Floats
 
 #: Amplitudes and forms less likely than this are left out of an interval.
@@ -50,9 +51,10 @@ def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Esti
         fitted = problem.fit()
     found = joint_coefficients(problem, problem.accepted, fitted)
     gap_s = visit_interval_s(problem.view)
+    sized = [_size(problem, i, *found[i], forms[i], fitted) for i in range(len(items))]
     return problem, tuple(
-        Estimate(item, value, _std(problem, i, value, std, form, fitted), _estimates(form), gap_s)
-        for i, (item, (value, std), form) in enumerate(zip(problem.accepted, found, forms, strict=True))
+        Estimate(item, value, std, _estimates(form), gap_s)
+        for item, (value, std), form in zip(problem.accepted, sized, forms, strict=True)
     )
 
 
@@ -91,29 +93,31 @@ def _white(problem: ScoringProblem, fitted: FittedFloor) -> WhiteRows:
     return whitened(fitted.space.covariance, problem.known, readings)
 
 
-def _std(
+def _size(
     problem: ScoringProblem, i: int, value: Floats, std: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
-) -> Floats:
-    """Standard deviation (groups, axes) of a cause's coefficients about value, of which 1.96 cover 95 %: what is not
-    known of their usual size, which shrinks them, of the form and of the noise counts, too. std: where all are as
-    estimated."""
+) -> tuple[Floats, Floats]:
+    """A cause's coefficients (groups, axes) and their standard deviation about them, of which 1.96 cover 95 %: what is
+    not known of their usual size, which shrinks them, of their covariate, of the form and of the noise counts, too.
+    value, std: where all are as estimated."""
     item = problem.accepted[i]
     if item.candidate.effect is None or np.any(item.mean):
         # Of a kernel, or of a cause that a model file states with deviations of its own.
-        return std
-    widened = students_share(fitted.space.dof)
-    bare = problem.without(i)
-    at_best = _second_moment(bare, i, item, value, fitted)
+        return value, std
+    widened, bare = students_share(fitted.space.dof), problem.without(i)
+    usual = _usual_sizes(bare, item, fitted)
+    if (beside := sizes_beside_error(bare, item, value, usual.spread, fitted)) is not None:
+        return beside[0], widened * beside[1]
+    at_best = _second_moment(bare, i, item, value, fitted, usual)
     variance = at_best.copy()
     for p in form:
         moved = [with_form_value(item.candidate, p.estimate.field, float(at), problem.view) for at in p.values]
         each = [
-            w * _second_moment(bare, i, replace(item, candidate=c), value, fitted)
-            for c, w in zip(moved, p.weights, strict=True)
+            w * _second_moment(bare, i, other, value, fitted, _usual_sizes(bare, other, fitted))
+            for other, w in zip((replace(item, candidate=c) for c in moved), p.weights, strict=True)
             if w > NEGLIGIBLE
         ]
         variance += np.maximum(np.sum(each, axis=0) - at_best, 0.0)
-    return np.asarray(widened * np.sqrt(variance))
+    return value, np.asarray(widened * np.sqrt(variance))
 
 
 def students_share(dof: int) -> float:
@@ -121,19 +125,25 @@ def students_share(dof: int) -> float:
     return float(scipy.special.stdtrit(max(dof, 1), COVERED) / scipy.special.ndtri(COVERED))
 
 
-def _second_moment(bare: ScoringProblem, i: int, item: AcceptedCause, value: Floats, fitted: FittedFloor) -> Floats:
-    """Mean square (groups, axes) of the coefficients about value, over the amplitudes that the cause may have."""
+def _usual_sizes(bare: ScoringProblem, item: AcceptedCause, fitted: FittedFloor) -> AmplitudeLikelihood:
+    """The deviations that a cause's coefficients may have, and how likely each is."""
     candidate, even = item.candidate, item.candidate.even
     own = score_bank(bare, [build_bank([even], bare.view.layout, moving=even.moving)], fitted.floor)
     found = own.amplitudes(even, bare.view, item.hit)
     usual = np.array(candidate.axis_scale) if candidate.axis_scale else 1.0
-    most = max(candidate.usual_most, float((item.std / usual).min()))
-    weights = np.exp(found.likelihood - found.likelihood.max())
+    return found._replace(spread=np.minimum(found.spread, max(candidate.usual_most, float((item.std / usual).min()))))
+
+
+def _second_moment(
+    bare: ScoringProblem, i: int, item: AcceptedCause, value: Floats, fitted: FittedFloor, usual: AmplitudeLikelihood
+) -> Floats:
+    """Mean square (groups, axes) of the coefficients about value, over the usual sizes that they may have."""
+    weights = np.exp(usual.likelihood - usual.likelihood.max())
     weights /= weights.sum()
     moment, white = np.zeros(value.shape), None
-    for spread, weight in zip(np.minimum(found.spread, most), weights, strict=True):
+    for spread, weight in zip(usual.spread, weights, strict=True):
         if weight > NEGLIGIBLE:
-            other = accept_candidate(candidate, item.hit, float(spread))
+            other = accept_candidate(item.candidate, item.hit, float(spread))
             joint = bare.with_accepted([*bare.accepted[:i], other, *bare.accepted[i:]])
             white = _white(joint, fitted) if white is None else with_priors(white, joint.known)
             mean, std = solve(white).at(joint.places[i])
