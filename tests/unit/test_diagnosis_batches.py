@@ -83,6 +83,26 @@ def test_a_basis_is_one_however_near_its_columns_are(apart: float) -> None:
         assert logdet == pytest.approx(expected, rel=1e-5 if apart < 1e-3 else 1e-11)
 
 
+def test_a_basis_of_each_unit_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What acts in other units is a column of zeros in this one, and takes no singular values; nor does a unit for the
+    sake of a neighbour whose columns are hardly apart."""
+    rng = np.random.default_rng(4)
+    columns = rng.standard_normal((3, 40, 4))
+    columns[0, :, [1, 3]] = 0.0
+    each = [projection._basis(one[None][..., np.any(one, axis=0)]) for one in columns]
+    decomposed: list[int] = []
+    svd = np.linalg.svd
+    monkeypatch.setattr(np.linalg, "svd", lambda rows, **how: decomposed.append(len(rows)) or svd(rows, **how))
+    basis, rank, logdet = projection._basis(columns)
+    assert (rank, decomposed) == (10, [])
+    assert logdet == pytest.approx(sum(one[2] for one in each), rel=1e-12)
+    for mine, (own, *_) in zip(basis, each, strict=True):
+        np.testing.assert_allclose(mine @ mine.T, own[0] @ own[0].T, atol=1e-13)
+    columns[2, :, 1] = columns[2, :, 0] * (1 + 1e-9)
+    assert projection._basis(columns)[1] == 9
+    assert decomposed == [1]
+
+
 def test_medians_of_many_windows_are_those_of_each() -> None:
     rng = np.random.default_rng(2)
     values = rng.exponential(size=(60, 3))

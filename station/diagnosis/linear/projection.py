@@ -290,15 +290,21 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
     """Orthonormal basis (U, M, p) of columns (U, M, p), zeros for what is lost; rank; log det of the normal matrix."""
     length = np.linalg.norm(columns, axis=1, keepdims=True)
     scaled = columns / np.where(length > 0, length, 1.0)
-    values, turn = np.linalg.eigh(scaled.swapaxes(1, 2) @ scaled)
-    if np.all(values > WELL_CONDITIONED):
-        # The square of the condition is far from the rounding: no singular values are needed.
-        basis = scaled @ (turn / np.sqrt(values)[:, None, :])
-        return basis, values.size, float(np.sum(np.log(values)) + 2 * np.sum(np.log(length)))
-    vectors, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    retained = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
-    logdet = 2 * float(np.sum(np.log(s[retained])) + np.sum(np.log(length[length > 0])))
-    return vectors * retained[:, None, :], int(np.count_nonzero(retained)), logdet
+    normal, p = scaled.swapaxes(1, 2) @ scaled, columns.shape[2]
+    # A column of zeros, of what acts in other units, is given an eigenvalue of its own, beyond those of all others.
+    normal[:, np.arange(p), np.arange(p)] += (p + 1) * (length[:, 0] == 0)
+    values, turn = np.linalg.eigh(normal)
+    retained, clear = values < p + 0.5, np.all(values > WELL_CONDITIONED, axis=1)
+    # The square of the condition is far from the rounding: no singular values are needed.
+    basis = scaled @ (turn / np.where(retained, np.sqrt(np.abs(values)), np.inf)[:, None, :])
+    retained &= clear[:, None]
+    rank, logdet = int(np.count_nonzero(retained)), float(np.sum(np.log(values[retained])))
+    if not clear.all():
+        vectors, s, _ = np.linalg.svd(scaled[~clear], full_matrices=False)
+        more = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
+        basis[~clear] = vectors * more[:, None, :]
+        rank, logdet = rank + int(np.count_nonzero(more)), logdet + 2 * float(np.sum(np.log(s[more])))
+    return basis, rank, logdet + 2 * float(np.sum(np.log(length[length > 0])))
 
 
 def _orthonormal(columns: Floats) -> tuple[Floats, float]:
