@@ -106,24 +106,37 @@ class Scene:
 class Signal:
     """What the sensor feels: true (n, 3) in the device's frame; at_visit (v, 3) the resting vector of each visit.
 
-    moving: whether any row differs from the resting vector of its visit.
+    moving: whether any row differs from the resting vector of its visit; known_step (v, 3): see `step_of_visit`, where
+    it is known already.
     """
 
     scene: Scene
     true: Floats
     at_visit: Floats
     moving: bool = False
+    known_step: Floats | None = None
 
     def of_rows(self, rows: slice) -> "Signal":
         """What is felt at some of the rows."""
-        return Signal(self.scene.of_rows(rows), self.true[rows], self.at_visit, self.moving)
+        return Signal(self.scene.of_rows(rows), self.true[rows], self.at_visit, self.moving, self.step_of_visit)
+
+    @property
+    def at_rest(self) -> "Signal":
+        """What would be felt if nothing moved within the visits."""
+        return Signal(self.scene, self.at_visit[self.scene.visit], self.at_visit, known_step=self.step_of_visit)
+
+    @cached_property
+    def step_of_visit(self) -> Floats:
+        """Previous visit's resting vector minus this one's (v, 3); zero at the first visit of a run."""
+        if self.known_step is not None:
+            return self.known_step
+        previous = self.scene.visits.previous
+        return np.where(previous[:, None] >= 0, self.at_visit[previous] - self.at_visit, 0.0)
 
     @cached_property
     def step(self) -> Floats:
-        """Previous visit's resting vector minus this one's (n, 3); zero at the first visit of a run."""
-        previous = self.scene.visits.previous
-        step = np.where(previous[:, None] >= 0, self.at_visit[previous] - self.at_visit, 0.0)
-        return np.asarray(step[self.scene.visit])
+        """The same of each row (n, 3)."""
+        return np.asarray(self.step_of_visit[self.scene.visit])
 
 
 def power_cycles(scene: Scene) -> tuple[NDArray[np.int32], tuple[str, ...]]:

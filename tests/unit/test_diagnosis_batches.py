@@ -92,7 +92,12 @@ def test_a_basis_of_each_unit_is_its_own(monkeypatch: pytest.MonkeyPatch) -> Non
     each = [projection._basis(one[None][..., np.any(one, axis=0)]) for one in columns]
     decomposed: list[int] = []
     svd = np.linalg.svd
-    monkeypatch.setattr(np.linalg, "svd", lambda rows, **how: decomposed.append(len(rows)) or svd(rows, **how))
+
+    def counted(rows: Any, full_matrices: bool) -> Any:
+        decomposed.append(len(rows))
+        return svd(rows, full_matrices=full_matrices)
+
+    monkeypatch.setattr(np.linalg, "svd", counted)
     basis, rank, logdet = projection._basis(columns)
     assert (rank, decomposed) == (10, [])
     assert logdet == pytest.approx(sum(one[2] for one in each), rel=1e-12)

@@ -13,15 +13,18 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.search import (
     distinguishability,
     finding,
+    first_look,
     form_check,
     other_starts,
     rank,
     unit_sample,
     walk_marginal,
 )
+from station.diagnosis.search.alarm import NullDistribution
 from station.diagnosis.search.candidate_banks import CandidateBanks, build_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import evidence_by_cause, score_bank
+from station.diagnosis.search.search_state import CauseSearch
 from station.diagnosis.search.unit_sample import sampled_units
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
@@ -64,6 +67,57 @@ def test_what_a_sample_shows_for_sure_is_behind_in_all_units_as_often_as_is_said
     said = np.array([0.0, 20.0, 500.0])
     most = some.at_most(said) / share
     np.testing.assert_allclose(most - unit_sample.SURE_ERRORS * np.sqrt(2 * most), said, atol=1e-9)
+
+
+def test_a_first_look_leaves_out_shapes_of_what_is_far_behind(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(first_look, "FLOOR_UNITS", 3)
+    # Few units say for sure that little is behind.
+    monkeypatch.setattr(unit_sample, "SURE_ERRORS", 0.2)
+    banks, floor = build_banks(fleet.view), fleet.fit().floor
+    look = first_look.sampled_look(fleet, banks, floor)
+    assert look is not None
+    contenders = look.contenders()
+    assert contenders is not None
+    some, every = (score_bank(fleet, each, floor) for each in (contenders, banks))
+    assert len(some.candidates) < len(every.candidates) == sum(c.stands_for for c in some.candidates)
+    levels = [{(c.name, c.of, c.pattern) for c in at.candidates} for at in (some, every)]
+    assert levels[0] == levels[1]
+    assert sum(c.pattern == "scan" for c in some.candidates) == sum(c.pattern == "scan" for c in every.candidates)
+    after, before = ({n: e[0] for n, e in evidence_by_cause(s.candidates, s.readings().evidence).items()}
+                     for s in (some, every))  # fmt: skip
+    far = look._far_behind()
+    for kind in (set(before) & set(KERNEL_NAMES), set(before) - set(KERNEL_NAMES)):
+        leader = max(kind, key=lambda name: before[name])
+        assert leader not in far
+        assert all(before[name] == pytest.approx(after[name], rel=1e-9, abs=1e-9) for name in kind - far)
+        assert all(after[name] < before[name] + 1e-9 for name in kind & far)
+    # A floor at its bound may be the cause.
+    assert first_look.sampled_look(fleet, banks, replace(floor, turn=1.0)) is None
+    alone(monkeypatch)
+    assert first_look.sampled_look(fleet, banks, floor) is None
+
+
+@pytest.mark.parametrize(("threshold", "drawings"), [(-1.0, 1), (1e9, 2)])
+def test_chance_is_drawn_for_all_candidates_and_silence_is_that_of_all(
+    fleet: Any, monkeypatch: pytest.MonkeyPatch, threshold: float, drawings: int
+) -> None:
+    """A first look in which nothing alarms is not one that left anything out."""
+    monkeypatch.setattr(first_look, "FLOOR_UNITS", 3)
+    monkeypatch.setattr(unit_sample, "SURE_ERRORS", 0.2)
+    drawn = list[Any]()
+
+    def null_of(problem: Any, fitted: Any, like: Any) -> NullDistribution:
+        drawn.append([(c.name, c.of, c.pattern, i in like.slow) for i, c in enumerate(like.candidates)])
+        return NullDistribution({}, {}, {}, threshold)
+
+    search = CauseSearch(fleet, null_of)
+    whole = [
+        (c.name, c.of, c.pattern) for bank in build_banks(fleet.view, search.undetectable) for c in bank.candidates
+    ]
+    assert len(drawn) == drawings
+    assert all(one == drawn[0] and [key[:3] for key in one] == whole for one in drawn)
+    looked_at = len(search.first.now.candidates)
+    assert looked_at < len(whole) if drawings == 1 else looked_at == len(whole)
 
 
 def test_walks_without_hope_leave_nothing_in_the_average(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ for all, one a position …). Derivatives of the simulation by its coefficients 
 own rows, so one derivative serves all groups and all levels.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -48,7 +48,8 @@ class Candidate:
     the groups; columns at the stops, one object for all levels that share them; scale of the effect's sizes in this
     recipe; plain: the same without the columns that its covariate's error adds, if any;
     own: the effect of each group, where they differ in shape (`own_times.py`); axis_scale (a): how much larger each
-    axis' coefficient usually is than the first one's, 1 where empty.
+    axis' coefficient usually is than the first one's, 1 where empty; stands_for: how many of its name, of which it is
+    the best.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Candidate:
     plain: "Candidate | None" = None
     own: tuple[Effect, ...] = ()
     axis_scale: tuple[float, ...] = ()
+    stands_for: int = 1
 
     @property
     def stop(self) -> Floats:
@@ -340,6 +342,12 @@ class Bank:
         place = {(id(m.columns), m.code.tobytes()): m.at for m in self.made}
         columns = np.concatenate([np.r_[place[id(m.columns), m.code.tobytes()]] for m in bank.made])
         return replace(bank, all_columns=self.all_columns.only(columns))
+
+    def standing_for(self, chosen: Mapping[int, int]) -> "Bank":
+        """The same with some of the candidates, by place, each of which stands for so many."""
+        bank = self.only(list(chosen))
+        pairs = zip(bank.candidates, chosen.values(), strict=True)
+        return replace(bank, candidates=tuple(replace(c, stands_for=many) for c, many in pairs))
 
     def named(self, names: Collection[str]) -> "Bank":
         """The same with the candidates of some names."""

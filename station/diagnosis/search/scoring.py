@@ -241,16 +241,18 @@ def score_under_floors(
 
 
 def evidence_by_cause(candidates: Sequence[Candidate], evidence: Floats) -> dict[str, Floats]:
-    """Log evidence (n) of each cause: the mean over its candidates' (n, candidates)."""
+    """Log evidence (n) of each cause: the mean over its candidates' (n, candidates), and over those that they stand
+    for, which say next to nothing beside them."""
     rows: dict[str, list[int]] = {}
     for i, c in enumerate(candidates):
         rows.setdefault(c.name, []).append(i)
     if not rows:
         return {}
     counts = np.array([len(at) for at in rows.values()])
+    every = np.array([sum(candidates[i].stands_for for i in at) for at in rows.values()])
     sorted_by_cause = evidence[:, np.concatenate(list(rows.values()))]
     starts = np.cumsum(counts) - counts
     top = np.maximum.reduceat(sorted_by_cause, starts, axis=1)
     share = np.exp(sorted_by_cause - np.repeat(top, counts, axis=1))
-    found = top + np.log(np.add.reduceat(share, starts, axis=1) / counts)
+    found = top + np.log(np.add.reduceat(share, starts, axis=1) / every)
     return dict(zip(rows, found.T, strict=True))

@@ -14,6 +14,7 @@ from station.diagnosis.search.alarm import NullDistribution, statistic
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.finding import CauseFinding, cause_finding
+from station.diagnosis.search.first_look import sampled_look
 from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
@@ -29,7 +30,7 @@ from station.diagnosis.search.rank import (
 from station.diagnosis.search.ripple import find_ripple
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 from station.diagnosis.search.unseen import Unseen
-from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks
+from station.diagnosis.search.walk_marginal import WalkMarginal, marginalise_walks, score_over_walks, slow_candidates
 
 NullFactory = Callable[[ScoringProblem, FittedFloor, WalkMarginal], NullDistribution]
 #: The law, if any, that may stand for everything, where the best cause and the best kernel explain so many nats.
@@ -73,7 +74,7 @@ class CauseSearch:
         self._null: NullDistribution | None = None
         self.undetectable: tuple[str, ...] = ()
         self.banks = CandidateBanks(problem.view)
-        self.first = self.state(problem)
+        self.first = self._first(problem)
 
     @property
     def null(self) -> NullDistribution | None:
@@ -82,21 +83,41 @@ class CauseSearch:
 
     def state(self, problem: ScoringProblem) -> SearchState:
         """The whole bank with everything accepted."""
-        if self._null is not None and problem is self.first.problem:
+        if problem is self.first.problem:
             return self.first
         fitted = problem.fit()
         now = score_bank(problem, self.banks.of(problem.view, self.undetectable), fitted.floor, keep=True)
-        if self._null is None:
-            now, self.undetectable = _drop_undetectable(problem, now)
+        return self._judged(problem, fitted, marginalise_walks(problem, now))
+
+    def _first(self, problem: ScoringProblem) -> SearchState:
+        """The whole bank before anything is known. Of a fleet in which something leads by far, what is surely behind it
+        is looked at in a sample."""
+        fitted, banks = problem.fit(), self.banks.of(problem.view, ())
+        sampled = sampled_look(problem, banks, fitted.floor)
+        contenders = None if sampled is None else sampled.contenders()
+        if sampled is not None and contenders is not None:
+            shown, self.undetectable = _drop_undetectable(problem, sampled.scored, sampled.sample.share)
+            slow = slow_candidates(problem, [s.bank for s in shown.projected], shown.floor)
+            self._null = self._null_of(problem, fitted, WalkMarginal(shown, (), slow))
+            there = [bank.named({c.name for c in bank.candidates} - set(self.undetectable)) for bank in contenders]
+            now = score_bank(problem, there, fitted.floor, keep=True)
+            state = self._judged(problem, fitted, marginalise_walks(problem, now))
+            if state.alarms:
+                return state
+        now, self.undetectable = _drop_undetectable(problem, score_bank(problem, banks, fitted.floor, keep=True))
         around = marginalise_walks(problem, now)
-        if self._null is None:
-            self._null = self._null_of(problem, fitted, around)
+        self._null = self._null_of(problem, fitted, around)
+        return self._judged(problem, fitted, around)
+
+    def _judged(self, problem: ScoringProblem, fitted: FittedFloor, around: WalkMarginal) -> SearchState:
+        """The state, and whether anything in it is beyond chance."""
+        assert self._null is not None
         unseen = unseen_kernels(problem, fitted.floor)
         evidence = around.evidence() | {name: found.nats for name, found in unseen.items()}
         # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
         scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
         surprise = max([statistic(self._null, evidence), *(found.surprise for found in unseen.values()), *scatter])
-        return SearchState(problem, now, around, evidence, surprise, self._null.threshold)
+        return SearchState(problem, around.best, around, evidence, surprise, self._null.threshold)
 
     def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
         """Every cause and kernel at its best; without what has been found often enough already."""
@@ -123,15 +144,17 @@ def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unse
     return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor)}
 
 
-def _drop_undetectable(problem: ScoringProblem, now: ScoredBank) -> tuple[ScoredBank, tuple[str, ...]]:
+def _drop_undetectable(
+    problem: ScoringProblem, now: ScoredBank, share: float = 1.0
+) -> tuple[ScoredBank, tuple[str, ...]]:
     """The stage without the causes that it cannot show, and those: their covariates were not recorded, or the largest
-    amplitude ever met would leave nothing here."""
+    amplitude ever met would leave nothing here. share: how many units each of its units stands for."""
     count = problem.view.reduced.count.sum(1).mean()
     swollen = max(1.0, now.floor.noise * float(np.sqrt(count)) / problem.view.sigma)
     shown = {
         c.name
         for s in now.projected
-        for c, v in zip(s.bank.candidates, visible_candidates(s, swollen), strict=True)
+        for c, v in zip(s.bank.candidates, visible_candidates(s, swollen * float(np.sqrt(share))), strict=True)
         if v
     }
     projected = tuple(s.only([c.name in shown for c in s.bank.candidates]) for s in now.projected)

@@ -45,5 +45,7 @@ class Settling(StimulusEffect):
     def apply(self, signal: Signal, c: Floats) -> Floats:
         """c · (previous − present) · e^(−t/τ) · cos(2πft)."""
         t = signal.scene.require("since_arrival_s")
-        remaining = np.exp(-t / self.time_constant_s) * np.cos(2 * np.pi * self.frequency_hz * t)
+        remaining = np.exp(-t / self.time_constant_s)
+        if self.frequency_hz:
+            remaining = remaining * np.cos(2 * np.pi * self.frequency_hz * t)
         return np.asarray(c * signal.step * remaining[:, None])
