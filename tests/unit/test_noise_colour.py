@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.diagnosis.data.contrast_noise import without_bumps
+from station.diagnosis.data.contrast_noise import ContrastNoise, without_bumps
 from station.diagnosis.data.reduce import ReducedScene, reduce_samples
 from station.diagnosis.data.visit_noise import sample_noise, visit_differences
 from station.diagnosis.linear.noise_floor import NoiseFloor
@@ -37,12 +37,12 @@ def with_noise(noise: Floats) -> ReducedScene:
 def beside_expected(found: ReducedScene) -> Floats:
     """Noise of each contrast beside the rms of all axes that it has in truth (B−1, 3), by the readings of many stops:
     next to no calibration is in a contrast."""
-    return np.asarray(found.contrast_noise * found.sigma / np.sqrt(np.mean(found.contrast**2, axis=0)))
+    return np.asarray(found.contrast_noise.noise * found.sigma / np.sqrt(np.mean(found.contrast**2, axis=0)))
 
 
 def test_contrasts_of_white_noise_have_the_noise_of_a_sample(rng: np.random.Generator) -> None:
     _, stops, n = quiet()
-    assert with_noise(rng.standard_normal((stops, n, 3))).contrast_noise == pytest.approx(1.0, abs=0.15)
+    assert with_noise(rng.standard_normal((stops, n, 3))).contrast_noise.noise == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.parametrize("colour", ["differenced", "slow", "one axis slow"])
@@ -58,14 +58,49 @@ def test_contrasts_have_the_noise_that_their_colour_gives_them(colour: str, rng:
     found = with_noise(noise)
     # Of 40 free stops an axis' noise is known to 1/√80 = 11 %, and it is drawn in by as much.
     assert beside_expected(found) == pytest.approx(1.0, abs=0.4)
-    away = found.contrast_noise[:, 2].max()
+    away = found.contrast_noise.noise[:, 2].max()
     assert away < 0.8 if colour == "differenced" else away > 1.4
+
+
+def test_contrasts_of_differenced_noise_have_nothing_in_common_once_scaled(rng: np.random.Generator) -> None:
+    _, stops, n = quiet()
+    found = with_noise(np.diff(rng.standard_normal((stops, n + 1, 3)), axis=1))
+    view = initial_problem(found, ALLOWED).view
+    raw, scaled = (
+        np.abs(np.corrcoef(x.swapaxes(1, 2).reshape(-1, x.shape[1]).T) - np.eye(x.shape[1])).max()
+        for x in (found.contrast, view.layout.scaled(found.contrast[..., None])[..., 0])
+    )
+    # Of 144 stops and axes a correlation is known to 1/12.
+    assert raw > 0.4
+    assert scaled < 0.25
+
+
+def test_the_floor_of_differenced_noise_is_that_of_its_means(rng: np.random.Generator) -> None:
+    _, stops, n = quiet()
+    found = with_noise(np.diff(rng.standard_normal((stops, n + 1, 3)), axis=1))
+    fitted = initial_problem(found, ALLOWED).fit()
+    # The sum of differences is one difference: what the bound of the floor leaves is no more than it is.
+    assert float(np.sum(fitted.space.residual**2)) / fitted.space.dof > 0.3
+
+
+def test_null_sets_hold_what_is_not_known_of_the_contrasts_noise(rng: np.random.Generator) -> None:
+    known = ContrastNoise(np.ones((3, 3)), None, 0.2, 0.1, 0.15)
+    white = rng.standard_normal((2000, 40, 3, 3))
+    drawn = known.of_truth(white, rng)
+    logs, own = np.log(drawn.std(axis=1)), np.log(white.std(axis=1))
+    shared = np.mean(drawn[:, :, 0] * drawn[:, :, 1], axis=(1, 2)) - np.mean(
+        white[:, :, 0] * white[:, :, 1], axis=(1, 2)
+    )
+    # 2,000 sets know a deviation to 1/√4000 of itself.
+    assert (logs - own).std(axis=0) == pytest.approx(np.full((3, 3), np.hypot(0.2, 0.1)), rel=0.15)
+    assert shared.std() == pytest.approx(0.15, rel=0.2)
+    assert ContrastNoise(np.ones((3, 3))).of_truth(white, rng) is white
 
 
 @pytest.mark.parametrize("cause", ["settling", "filter-lag", "lever-arm"])
 def test_what_every_arrival_leaves_is_no_noise(cause: str) -> None:
     loud, _ = hide(RECIPE, KNOWN[cause], 3, units=UNITS, d=60.0)
-    assert np.max(np.abs(reduce_samples(RECIPE, loud).contrast_noise - 1)) < 0.3
+    assert np.max(np.abs(reduce_samples(RECIPE, loud).contrast_noise.noise - 1)) < 0.3
 
 
 def test_axes_that_share_noise_are_told_apart_and_others_left_alone(rng: np.random.Generator) -> None:

@@ -1,22 +1,32 @@
-"""How noisy each contrast within the dwells is: slow noise moves early blocks away from late ones, and what was
-differenced before it was sampled hardly moves them.
+"""How noisy each contrast within the dwells is, and what they have in common: slow noise moves early blocks away from
+late ones, and what was differenced before it was sampled hardly moves them, and neighbours against each other.
 
 The noise is that which is left when the courses within the dwell are taken off that each run of a unit has: the same
 one at every stop, and one of the size of the last move; then those of all runs whose size follows time, temperature or
 the drive.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from station.diagnosis.data.visit_noise import DIFFERENT_BY, FURTHEST, MAD_PER_SIGMA, MAX_LOG_VARIANCE, drawn_to_chance
-from station.domain.core.types import Floats
+from station.diagnosis.data.visit_noise import (
+    FURTHEST,
+    LEAST_OWN,
+    MAD_PER_SIGMA,
+    MAX_LOG_VARIANCE,
+    share_beyond_chance,
+)
+from station.domain.core.types import Array, Floats
 from station.model.scene import Scene
 
 #: Standard deviations beyond which no chance takes a contrast, and one in how many stops may be so far off alone.
 LONE_BUMP, LONE_OF = 5.0, 20
-#: Degrees of freedom that an axis has left of a contrast, at the least, for its noise to be known.
-LEAST_FREE = 8
+#: Degrees of freedom that are left of a contrast, at the least, for its noise to be known, of all axes together or of
+#: one; and those that each axis must have.
+LEAST_FREE, LEAST_OF_AXIS = 8, 3
 #: Variance of the logarithm of a noise's square by n squares, none of which is far out, times n.
 SQUARES_LOG_VARIANCE = 2.4
 
@@ -34,28 +44,90 @@ def without_bumps(contrast: Floats, sigma: Floats) -> Floats:
     return np.asarray(contrast * np.where(bumped, LONE_BUMP / np.maximum(furthest, LONE_BUMP), 1.0)[:, None, None])
 
 
-def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) -> Floats:
-    """Noise (B−1, 3) of contrasts (v, B−1, 3) of stops whose means are (v, 3), beside the rms of sigma (3), that of a
-    sample of each axis; that where chance explains the rest, and drawn to it as far as chance makes it differ (James
-    and Stein): contrasts of all axes together first, then each axis by itself."""
+@dataclass(frozen=True, slots=True, eq=False)
+class ContrastNoise:
+    """noise (B−1, k) of the contrasts of each axis beside that of a sample; apart (B−1, B−1), which makes of contrasts
+    in units of their noise such as have nothing in common, None where they have nothing. Standard errors: common_error,
+    axis_error of the noise's logarithm, of a contrast in all axes and in each by itself, shared_error of what two
+    contrasts have in common."""
+
+    noise: Floats
+    apart: Floats | None = None
+    common_error: float = 0.0
+    axis_error: float = 0.0
+    shared_error: float = 0.0
+
+    @property
+    def errors(self) -> tuple[float, float, float]:
+        """All three standard errors."""
+        return self.common_error, self.axis_error, self.shared_error
+
+    def of_lengths(self) -> "ContrastNoise":
+        """The same of the one number that is kept where a hand may turn the sensor."""
+        both = float(np.hypot(self.common_error, self.axis_error / np.sqrt(3)))
+        noise = np.sqrt(np.mean(self.noise**2, axis=1, keepdims=True))
+        return ContrastNoise(noise, self.apart, both, 0.0, self.shared_error)
+
+    def of_truth(self, white: Array, rng: np.random.Generator) -> Array:
+        """Sets of white contrasts (n, …, B−1, k) as the true noise may have them, of which this is an estimate; another
+        truth for each set."""
+        if not any(self.errors):
+            return white
+        sets, blocks, axes = len(white), *self.noise.shape
+        logs = self.common_error * rng.standard_normal((sets, blocks, 1))
+        logs = logs + self.axis_error * rng.standard_normal((sets, blocks, axes))
+        # The root of I + S is I + S/2 where S is small.
+        shared = np.triu(rng.standard_normal((sets, blocks, blocks)), 1) * self.shared_error / 2
+        mixed = np.eye(blocks) + shared + shared.swapaxes(1, 2)
+        within = (sets, *(1,) * (white.ndim - 3))
+        factor = np.exp(logs).astype(white.dtype).reshape(*within, blocks, axes)
+        return np.asarray(factor * (mixed.astype(white.dtype).reshape(*within, blocks, blocks) @ white))
+
+
+def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) -> ContrastNoise:
+    """The noise of contrasts (v, B−1, 3) of stops whose means are (v, 3), beside the rms of sigma (3), that of a sample
+    of each axis; drawn to sigma as far as chance makes it differ (James and Stein): contrasts of all axes together
+    first, then each axis by itself; so is what two contrasts have in common drawn to nothing."""
     blocks, rms = contrast.shape[1], float(np.sqrt(np.mean(sigma**2)))
     expected = np.broadcast_to(sigma / (rms or 1.0), (blocks, 3))
     there = np.all(contrast != 0, axis=(1, 2))
     if rms == 0.0 or np.any(sigma <= 0) or not blocks or not there.any():
-        return np.ones((blocks, 3)) if rms == 0.0 else np.asarray(expected)
-    squares, free = zip(*(_squares(contrast[..., i], mean[:, i], scene, there) for i in range(3)), strict=True)
+        return ContrastNoise(np.ones((blocks, 3)) if rms == 0.0 else np.asarray(expected))
+    products, free = zip(*(_products(contrast[..., i], mean[:, i], scene, there) for i in range(3)), strict=True)
+    if sum(free) < LEAST_FREE or min(free) < LEAST_OF_AXIS:
+        return ContrastNoise(np.asarray(expected))
+    half = 0.5 * np.array(free)
+    # What a few squares say of the logarithm of their mean is too little by as much.
+    logs = np.log(np.stack([np.diagonal(p) for p in products], axis=1)) - scipy.special.digamma(half) + np.log(half)
+    logs = logs - 2 * np.log(expected * rms)
+    common, error = logs.mean(axis=1, keepdims=True), SQUARES_LOG_VARIANCE / min(free)
+    shares = [share_beyond_chance(common, error / 3, blocks), share_beyond_chance(logs - common, error, 2 * blocks)]
     if min(free) < LEAST_FREE:
-        return np.asarray(expected)
-    logs = np.log(np.stack(squares, axis=1)) - 2 * np.log(expected * rms)
-    error = SQUARES_LOG_VARIANCE / min(free)
-    common = logs.mean(axis=1, keepdims=True)
-    drawn = drawn_to_chance(common, error / 3, blocks, DIFFERENT_BY)
-    drawn = drawn + drawn_to_chance(logs - common, error, 2 * blocks, DIFFERENT_BY)
-    return np.asarray(expected * np.exp(np.clip(drawn, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE) / 2))
+        shares[1] = 0.0
+    drawn = np.clip(shares[0] * common + shares[1] * (logs - common), -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE)
+    # Of what is drawn in by a share the error is drawn in, too; that of a noise is half of its square's.
+    errors = 0.5 * np.sqrt(np.array([shares[0] * error / 3, shares[1] * error]))
+    found = ContrastNoise(np.asarray(expected * np.exp(drawn / 2)), None, *map(float, errors))
+    return _apart(found, np.stack(products), sum(free)) if there.all() else found
 
 
-def _squares(contrast: Floats, mean: Floats, scene: Scene, there: NDArray[np.bool_]) -> tuple[Floats, float]:
-    """Mean square (B−1) of the contrasts (v, B−1) of one axis without the courses, and its degrees of freedom."""
+def _apart(found: ContrastNoise, products: Floats, free: float) -> ContrastNoise:
+    """The noise with what contrasts have in common beyond chance, by their mean products of each axis (3, B−1, B−1), so
+    many of them free."""
+    size = np.sqrt(np.diagonal(products, axis1=1, axis2=2))
+    shared = np.mean(products / (size[:, :, None] * size[:, None]), axis=0) - np.eye(size.shape[1])
+    pairs = shared[np.triu_indices(len(shared), 1)]
+    share = share_beyond_chance(pairs, 1 / free, pairs.size)
+    if share == 0.0:
+        return found
+    values, axes = np.linalg.eigh(np.eye(len(shared)) + share * shared)
+    apart = (axes / np.sqrt(np.maximum(values, LEAST_OWN))) @ axes.T
+    return replace(found, apart=np.asarray(apart), shared_error=float(np.sqrt(share / free)))
+
+
+def _products(contrast: Floats, mean: Floats, scene: Scene, there: NDArray[np.bool_]) -> tuple[Floats, float]:
+    """Mean products (B−1, B−1) of the contrasts (v, B−1) of one axis without the courses, and their degrees of
+    freedom."""
     visits = scene.visits
     step = np.where(visits.previous >= 0, mean[visits.previous] - mean, 0.0)[there]
     # A nest's courses are those of a run, as a unit may come into another one.
@@ -77,8 +149,9 @@ def _squares(contrast: Floats, mean: Floats, scene: Scene, there: NDArray[np.boo
         rest, known = rest - followed @ np.linalg.lstsq(followed, rest, rcond=1e-9)[0], known + followed.shape[1]
     left = len(rest) - known
     usual = np.median(np.abs(rest), axis=0) / MAD_PER_SIGMA
-    bounded = np.minimum(np.abs(rest), FURTHEST * np.where(usual > 0, usual, np.inf))
-    return np.sum(bounded**2, axis=0) / max(left, 1), float(left)
+    furthest = FURTHEST * np.where(usual > 0, usual, np.inf)
+    bounded = np.clip(rest, -furthest, furthest)
+    return np.asarray(bounded.T @ bounded) / max(left, 1), float(left)
 
 
 def _by_run(values: Floats, run: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:

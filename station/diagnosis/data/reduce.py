@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.contrast_noise import contrast_noise, without_bumps
+from station.diagnosis.data.contrast_noise import ContrastNoise, contrast_noise, without_bumps
 from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Floats, SampleTable
@@ -69,8 +69,8 @@ class ReducedScene:
     read_degC: Floats | None = None
 
     @property
-    def contrast_noise(self) -> Floats:
-        """Noise of each contrast and axis (B−1, 3) beside that of a sample."""
+    def contrast_noise(self) -> ContrastNoise:
+        """Noise of each contrast and axis (B−1, 3) beside that of a sample, and what contrasts have in common."""
         contrast = np.einsum("ij,vbj->vbi", self.axes_apart, self.contrast)
         return contrast_noise(contrast, self.mean, self.scene, self.sigma * self.sample_axes)
 

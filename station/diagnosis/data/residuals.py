@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from station.diagnosis.data import magnitudes
+from station.diagnosis.data.contrast_noise import ContrastNoise
 from station.diagnosis.data.reduce import ReducedScene
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.grid import RowLayout, VisitGrid, visit_grid
@@ -32,7 +33,8 @@ from station.model.forward import (
 from station.model.scene import Scene, Signal
 from station.model.temperature_course import likely_courses
 
-#: Noise of a stop's mean beside that of its samples over √n, at the least: blue noise averages better than white.
+#: Noise of a stop's mean beside that of its samples over √n, or of its quietest contrast, at the least: blue noise
+#: averages better than white.
 MIN_NOISE_RATIO = 0.5
 #: Nothing measures its stimulus to a smaller share; readings that do were computed.
 LEAST_NOISE_SHARE = 1e-7
@@ -49,8 +51,8 @@ MIN_GAIN_STIMULUS = 1e-3
 @dataclass(frozen=True, eq=False)
 class ResidualView:
     """reduced stops, their grid, the simulation (base, active), own (v, k, 3) from readings to each axis' own numbers,
-    sigma: sd of a single sample within the stops, contrast_noise (B−1, k) that of each contrast beside it, and apart
-    (k, k), which makes of numbers whose noise the axes share such as share none."""
+    sigma: sd of a single sample within the stops, contrast_noise that of each contrast beside it, and apart (k, k),
+    which makes of numbers whose noise the axes share such as share none."""
 
     reduced: ReducedScene
     grid: VisitGrid
@@ -58,7 +60,7 @@ class ResidualView:
     active: ActiveEffects
     own: Floats
     sigma: float
-    contrast_noise: Floats
+    contrast_noise: ContrastNoise
     apart: Floats
 
     @property
@@ -90,7 +92,8 @@ class ResidualView:
     def min_variance(self) -> float:
         """The least variance of the white noise of a stop's mean: a few stops may be fitted as closely as one likes."""
         longest = float(np.mean(np.sum(self.keep**2, axis=2)))
-        told = (MIN_NOISE_RATIO * self.reduced.sigma) ** 2 / float(self.reduced.count.sum(1).mean())
+        quietest = float(np.min(self.contrast_noise.noise, initial=1.0))
+        told = (MIN_NOISE_RATIO * self.reduced.sigma * quietest) ** 2 / float(self.reduced.count.sum(1).mean())
         return longest * max(told, (LEAST_NOISE_SHARE * float(np.abs(self.reduced.mean).max())) ** 2)
 
     def simulated(self) -> tuple[Floats, Floats]:
@@ -121,7 +124,8 @@ class ResidualView:
     def layout(self) -> RowLayout:
         """How numbers of the stops become rows."""
         apart = None if self.keeps_axes else self.apart
-        return RowLayout(self.grid, self.keep, self.sigma * self.contrast_noise, self.scene.visits.unit.code, apart)
+        sigma, blocks_apart = self.sigma * self.contrast_noise.noise, self.contrast_noise.apart
+        return RowLayout(self.grid, self.keep, sigma, self.scene.visits.unit.code, apart, blocks_apart)
 
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
@@ -226,7 +230,7 @@ def initial_view(reduced: ReducedScene, matrix: bool = False) -> ResidualView:
         strength = float(np.linalg.norm(scene.visits.stimulus[0]))
         base = magnitudes.initial_base(reduced.mean, scene.visits.unit.code, units, strength)
     own = np.zeros((len(reduced.mean), 3 if known else 1, 3))
-    noise = reduced.contrast_noise if known else np.sqrt(np.mean(reduced.contrast_noise**2, axis=1, keepdims=True))
+    noise = reduced.contrast_noise if known else reduced.contrast_noise.of_lengths()
     apart = reduced.axes_apart if known else np.ones((1, 1))
     grid = visit_grid(scene.visits, own.shape[1])
     view = with_calibration(ResidualView(reduced, grid, base, NO_EFFECTS, own, 1.0, noise, apart), base)

@@ -87,16 +87,17 @@ def axis_noise(sigma: Floats, differences: int) -> Floats:
         return np.ones(3)
     logs = 2 * np.log(sigma)
     # Two degrees of freedom are left of three logarithms.
-    apart = drawn_to_chance(logs - logs.mean(), MEDIAN_LOG_VARIANCE / differences, 2)
+    apart = logs - logs.mean()
+    apart = share_beyond_chance(apart, MEDIAN_LOG_VARIANCE / differences, 2) * apart
     variance = np.exp(np.clip(apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE))
     return np.asarray(np.sqrt(variance / variance.mean()))
 
 
-def drawn_to_chance(logs: Floats, variance: float, free: int, beyond: float = 0.0) -> Floats:
-    """Logarithms (…), each known with a variance, so many of them free, drawn to 0 as far as chance alone makes them
-    differ (James and Stein); all of them 0 where their squares are not so many standard errors beyond it."""
+def share_beyond_chance(logs: Floats, variance: float, free: int) -> float:
+    """The share of logarithms (…), each known with a variance, so many of them free, that stays where they are drawn to
+    0 as far as chance alone makes them differ (James and Stein)."""
     squares = float(np.sum(logs**2)) / variance
-    return np.asarray((1 - free / squares if squares > free + beyond * np.sqrt(2 * free) else 0.0) * logs)
+    return 1 - free / squares if squares > free else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

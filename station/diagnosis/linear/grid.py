@@ -5,7 +5,7 @@ magnitude is known. Runs with fewer stops, and units with fewer runs, are filled
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,13 +71,14 @@ class VisitGrid:
 class RowLayout:
     """How numbers of the stops (v) become rows: the grid; keep (v, k, 3) from readings to numbers kept; sigma of a
     contrast, or of each contrast and axis (B−1, k); unit (v) of each stop; apart (3, 3) what takes off the contrasts
-    what the axes share, None where they share nothing."""
+    what the axes share, blocks_apart (B−1, B−1) what the contrasts of an axis do, None where they share nothing."""
 
     grid: VisitGrid
     keep: Floats
     sigma: float | Floats
     unit: Array
     apart: Floats | None = None
+    blocks_apart: Floats | None = None
 
     @property
     def keeps_axes_apart(self) -> bool:
@@ -107,7 +108,8 @@ class RowLayout:
 
     def scaled(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
         """Contrasts (v, B−1, 3, c) as `within` has them, in units of their noise."""
-        return np.asarray(self.within(dwell, stops) / np.asarray(self.sigma)[..., None])
+        inside = np.asarray(self.within(dwell, stops) / np.asarray(self.sigma)[..., None])
+        return inside if self.blocks_apart is None else np.einsum("ab,vbkc->vakc", self.blocks_apart, inside)
 
     def within(self, dwell: Floats, stops: slice = ALL_UNITS) -> Floats:
         """Contrasts (v, B−1, 3, c) of which the axes share nothing, or along the stimulus alone (v, B−1, 1, c) where a
@@ -124,7 +126,7 @@ class RowLayout:
         slot = self.grid.slot[chosen]
         slot = np.where(slot >= 0, (np.cumsum(theirs) - 1)[slot], -1)
         unit = np.searchsorted(chosen, self.unit[theirs])
-        return RowLayout(VisitGrid(slot, self.grid.k), self.keep[theirs], self.sigma, unit, self.apart), theirs
+        return replace(self, grid=VisitGrid(slot, self.grid.k), keep=self.keep[theirs], unit=unit), theirs
 
 
 def visit_grid(visits: VisitTable, k: int) -> VisitGrid:

@@ -22,12 +22,14 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 13
+NULL_CACHE_VERSION = 14
 #: What of a recipe the bank is made from: the same name may stand for other positions.
 _DESIGN = {"sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"}
 #: A turn of the visits and a step of the walk below these shares of the noise change nothing that chance does: the turn
 #: adds a hundredth to a variance, the walk as much by the end of a hundred visits.
 LEAST_DETECTED = (0.1, 0.01)
+#: Errors of a logarithm of the noise within the dwells are as good as the same within such a step.
+ERROR_STEP = 0.05
 #: Chance of any alarm in data without a cause.
 FAMILY_WISE_LEVEL = 0.01
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
@@ -128,14 +130,15 @@ def statistic(null: NullDistribution, evidence: Mapping[str, float]) -> float:
 
 
 def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int) -> str:
-    """What the null distribution depends on, as text: bank and design exactly, floor and strengths to a factor."""
+    """What the null distribution depends on, as text: bank and design exactly, floor and its errors to a factor."""
     grid, floor = problem.view.grid, fitted.floor
     recipe = problem.view.scene.recipe
     both = zip((floor.turn, floor.walk), LEAST_DETECTED, strict=True)
     relative = [round(2 * float(np.log2(max(x / floor.noise, least)))) for x, least in both]
     shown = [(s.bank.moving, s.readings.size.dof, _candidate_kinds(s)) for s in now.best.projected]
     design = recipe.model_dump_json(include=_DESIGN)
-    return repr((NULL_CACHE_VERSION, design, grid.slot.shape, grid.data, grid.k, relative, shown, seed))
+    unsure = [round(e / ERROR_STEP) for e in problem.view.contrast_noise.errors]
+    return repr((NULL_CACHE_VERSION, design, grid.slot.shape, grid.data, grid.k, relative, unsure, shown, seed))
 
 
 def _candidate_kinds(projected: ProjectedBank) -> list[tuple[str, str, str, int]]:

@@ -79,12 +79,18 @@ def _noise(
     mean, spread = fitted.floor.variances, fitted.covariance
     root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
     spaces = [s.space for stage in now.stages for s in stage.projected if s.space is not None]
-    live, member = max(spaces, key=lambda space: space.live.shape[1]).live, spaces[0].covariance.runs.member
+    widest = max(spaces, key=lambda space: space.live.shape[1])
+    live, contrasts, member = widest.live, widest.dwell, spaces[0].covariance.runs.member
+    shape = problem.view.contrast_noise.noise.shape
     for _ in range(floors):
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
         true = problem.structure.covariance(variances).runs.single_precision()
-        noise = rng.standard_normal((sets, *live.shape), dtype=np.float32)
-        yield NullNoise.of(noise * live, replace(true, member=member))
+        noise = rng.standard_normal((sets, *live.shape), dtype=np.float32) * live
+        first = true.rows * member.shape[1]
+        inside = noise[:, :, first : first + contrasts]
+        truth = problem.view.contrast_noise.of_truth(inside.reshape(*inside.shape[:2], -1, *shape), rng)
+        noise[:, :, first : first + contrasts] = truth.reshape(inside.shape)
+        yield NullNoise.of(noise, replace(true, member=member))
 
 
 class NullNoise(NamedTuple):
