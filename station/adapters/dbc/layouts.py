@@ -15,6 +15,7 @@ from station.domain.can.signals import FrameLayout, SignalLayout
 from station.domain.core.types import EXTENDED
 from station.errors import ProductError
 from station.messages import Message, system_reason
+from station.optional_imports import hide_packages
 
 #: Beyond this a file is not one product's DBC but an accident, and parsing it takes longer than anybody waits.
 MOST_BYTES = 4_000_000
@@ -84,8 +85,9 @@ def _text(path: Path) -> str:
 
 
 def _messages(path: Path, text: str, used: Used | None) -> list[Any]:
-    from cantools import database  # heavy, and only needed where a product is loaded
-    from cantools.database.errors import Error
+    with hide_packages("asammdf"):  # cantools imports python-can
+        from cantools import database  # heavy, and only needed where a product is loaded
+        from cantools.database.errors import Error
 
     remaining: str | None = text
     for _ in range(min(MOST_REPAIRS, max(LEAST_REPAIRS, MOST_REPARSED // max(len(text), 1)))):

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from station.errors import ProductError
+from station.optional_imports import hide_packages
 
 #: Ending of the file → format, as cantools calls it. Every other ending is a DBC's.
 FORMATS: Mapping[str, str] = MappingProxyType({".kcd": "kcd", ".sym": "sym", ".arxml": "arxml"})
@@ -20,8 +21,9 @@ _DOCUMENT_TYPE = re.compile(r"<!(?:DOCTYPE|ENTITY)")
 
 def read_messages(path: Path, text: str, used: Mapping[str, Any] | None) -> list[Any]:
     """The messages of cantools that hold signals at an identifier. used: as in `read_layouts`. Errors: ProductError."""
-    from cantools import database  # heavy, and only needed where a product is loaded
-    from cantools.database.errors import Error
+    with hide_packages("asammdf"):  # cantools imports python-can
+        from cantools import database  # heavy, and only needed where a product is loaded
+        from cantools.database.errors import Error
 
     kind = FORMATS[path.suffix.lower()]
     if _DOCUMENT_TYPE.search(text):

@@ -2,5 +2,8 @@
 here about what the columns mean."""
 
 from station.adapters.recordings.reading import read_tables
+from station.optional_imports import load_arrow
 
 __all__ = ["read_tables"]
+
+load_arrow()

@@ -9,6 +9,7 @@ from station.adapters.samples.reading import (
 )
 from station.adapters.samples.writing import write_parts, write_samples
 from station.domain.core.joined_tables import join
+from station.optional_imports import load_arrow
 
 __all__ = [
     "by_units",
@@ -20,3 +21,5 @@ __all__ = [
     "write_parts",
     "write_samples",
 ]
+
+load_arrow()

@@ -133,12 +133,16 @@ def _csv(path: Path, columns: tuple[str, ...] | None) -> "Iterator[pa.RecordBatc
     names = _header(path)
     check_columns(path, names)
     wanted = [n for n in (columns or ALL_COLUMNS) if n in names]
+    # Text that is read as codes needs none of Arrow's compute functions.
+    coded = pa.dictionary(pa.int32(), pa.string())
     try:
         with csv.open_csv(
             str(path),
             read_options=csv.ReadOptions(block_size=BLOCK),
             convert_options=csv.ConvertOptions(
-                column_types={n: type_of(n) for n in wanted}, include_columns=wanted, strings_can_be_null=False
+                column_types={n: coded if n in TEXT_COLUMNS else type_of(n) for n in wanted},
+                include_columns=wanted,
+                strings_can_be_null=False,
             ),
         ) as reader:
             yield from reader
@@ -222,7 +226,7 @@ def units_contiguous(path: Path) -> bool:
     last = None
     for batch in _batches(path, ("unit",)):
         units = batch.column("unit").dictionary_encode()
-        code = units.indices.to_numpy(zero_copy_only=False)
+        code = _numbers(units.indices)
         turns = code[np.r_[True, code[1:] != code[:-1]]] if len(code) else []
         for i in turns:
             name = units.dictionary[int(i)].as_py()
@@ -253,13 +257,8 @@ def _table(batch: "pa.RecordBatch") -> SampleTable:
 
 
 def _numbers(column: "pa.Array") -> Any:
-    """A column of numbers; Arrow's own conversion would load pandas."""
-    if column.null_count:
-        return column.to_numpy(zero_copy_only=False)
-    kind = np.dtype(column.type.to_pandas_dtype())
-    held = column.buffers()[1]
-    whole = np.frombuffer(held, kind) if held is not None else np.zeros(0, kind)
-    return whole[column.offset : column.offset + len(column)].copy()
+    """A column of numbers, which outlive what Arrow holds."""
+    return np.array(column.to_numpy(zero_copy_only=False))
 
 
 def _labels(batch: "pa.RecordBatch", name: str) -> Labels:
@@ -268,7 +267,7 @@ def _labels(batch: "pa.RecordBatch", name: str) -> Labels:
     column = batch.column(name)
     if column.null_count:
         column = column.cast(pa.string()).fill_null("")
-    # Text from Parquet comes encoded; of that from CSV this makes codes.
+    # Text comes encoded, but for what was cast.
     column = column.dictionary_encode()
     names, code = column.dictionary.to_pylist(), _numbers(column.indices).astype(np.int32)
     used = np.flatnonzero(np.bincount(code, minlength=len(names)))
