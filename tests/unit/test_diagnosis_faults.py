@@ -200,6 +200,21 @@ def test_a_gain_of_eight_per_cent_is_no_wrong_scale() -> None:
     assert not found(replace(made, reading=made.reading * 1.08))
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_loud_tone_of_drives_that_hardly_differ_is_told_by_its_phase(seed: int) -> None:
+    """Its power stands out first, and does not show that it grows with the drive."""
+    fast = recipe(1).model_copy(update={"device": recipe(1).device.model_copy(update={"rate_hz": 200.0})})
+    made, _ = hide(fast, None, 60 + seed, units=4)
+    rng = np.random.default_rng(seed)
+    made = made[np.arange(len(made)) % 200 < rng.integers(45, 116, 24)[made.visit]]
+    drive = rng.uniform(0.25, 0.42, 24)[made.visit]
+    tone = drive * np.sin(2 * np.pi * 23.7 * made.time_s)
+    loud = made.reading + tone[:, None] * np.array([9e-4, 9e-4, -1.8e-3])
+    faults = found(replace(made, reading=loud, values={"motor": drive, "started_s": 0 * drive}), fast)
+    (frequency,) = (n for n in faults["motor-tone"].numbers if n.name == "frequency")
+    assert abs(float(frequency.value) - 23.7) < 4 * (frequency.std or 0.0)
+
+
 def test_a_tone_that_follows_the_motors_is_found_with_frequency_and_amplitude() -> None:
     made = table()
     angle = 2 * np.pi * 7.3 * (made.time_s + made.values["started_s"]) + 0.5

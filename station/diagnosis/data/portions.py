@@ -144,7 +144,7 @@ class _Seen:
     @property
     def shows_tone_or_ringing(self) -> bool:
         """Whether all samples together may show any."""
-        if self._tones is not None and self._tones.strongest() is not None:
+        if self._tones is not None and self._tones.lines():
             return True
         return self._ringing is not None and len(self._ringing.promising(self.noise.sigma())) > 0
 

@@ -20,7 +20,7 @@ from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter,
 from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
 from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING
 from station.diagnosis.data.faults.tone_power import TonePower, power_per_visit
-from station.diagnosis.data.faults.tone_search import ToneExtent, ToneSearch, power
+from station.diagnosis.data.faults.tone_search import ToneExtent, ToneLine, ToneSearch, power
 from station.diagnosis.data.faults.white_dwells import WhiteDwells, white_dwells
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -34,33 +34,41 @@ LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
-    """The strongest line, if there is one that the motors explain."""
+    """The strongest line that the motors explain. Where few stops of unlike drive do not show that the power of a line
+    grows with it, the phases may."""
     extent, rate_hz = ToneExtent.of(table, stop), recipe.device.rate_hz
     if extent is None or not extent.shows_tones:
         return []
     search = ToneSearch(rate_hz, extent.longest)
     search.add(table, stop, extent)
-    line = search.strongest()
-    if line is None:
+    if not (lines := search.lines()):
         return []
     d, sigma = white_dwells(table, stop, rate_hz)
+    for line in lines:
+        if (fault := _confirmed(line, d, sigma, recipe)) is not None:
+            return [fault]
+    return []
+
+
+def _confirmed(line: ToneLine, d: WhiteDwells, sigma: Floats, recipe: Recipe) -> GrossFault | None:
+    """The tone of a line; None where chance, an arrival or anything but the motors may have made it."""
     if line.resolution_hz is None:
         agreement = PhaseAgreement(d, np.inf)
         grown, elsewhere = agreement.power_follows_drive(float(line.frequency_hz[0]))
         if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES or chance(elsewhere, POWER_TERMS) > ONE_DWELL:
-            return []
+            return None
         frequency, nats = _refine_frequency(d, float(line.frequency_hz[0])), line.nats
     else:
         agreement = PhaseAgreement(d, 1 / line.resolution_hz)
         frequency, nats = _most_agreed(agreement, line.frequency_hz, line.resolution_hz)
         if chance(nats, agreement.terms) * line.tried > FALSE_TONES or not agreement.follows_drive(frequency):
-            return []
+            return None
         nats -= float(np.log(line.tried))
     tone = _tone(d, frequency)
     if not tone.lasts(d):
-        return []
+        return None
     fault = _fault(tone, d, sigma, nats, recipe)
-    return [] if fault.rejected else [fault]
+    return None if fault.rejected else fault
 
 
 def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:

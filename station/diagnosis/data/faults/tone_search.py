@@ -135,15 +135,17 @@ class ToneSearch:
         mean = self._sums.mean
         self._matched.add(record, lambda frequency_hz: _between(self.tried, mean, frequency_hz), own.stops)
 
-    def strongest(self) -> ToneLine | None:
-        """The line that stands out the most; None where none does."""
+    def lines(self) -> tuple[ToneLine, ...]:
+        """Lines that stand out, by their power alone and by their phase; the one that stands out more is first."""
         tried, gains = float(len(self.tried)), line_gains(PowerSpectrum(self._sums.mean, self._sums.stops))
         best = int(gains.argmax())
-        coherent = self._matched.lines()
-        significant = gains[best] >= MIN_GAIN_NATS + np.log(tried)
-        if coherent is not None and not (significant and gains[best] > coherent[1] - np.log(coherent[2])):
-            return ToneLine(*coherent, self._matched.resolution_hz)
-        return ToneLine(self.tried[best : best + 1], float(gains[best]), tried, None) if significant else None
+        matched = self._matched.lines()
+        by_phase = () if matched is None else (ToneLine(*matched, self._matched.resolution_hz),)
+        if gains[best] < MIN_GAIN_NATS + np.log(tried):
+            return by_phase
+        by_power = (ToneLine(self.tried[best : best + 1], float(gains[best]), tried, None),)
+        clearer = matched is None or gains[best] > matched[1] - np.log(matched[2])
+        return by_power + by_phase if clearer else by_phase + by_power
 
 
 def _between(tried_hz: Floats, power: Floats, frequency_hz: Floats) -> list[Floats]:
