@@ -26,7 +26,6 @@ from station.domain.records.stored_attempt import utc_day
 from station.errors import UsageError
 from station.messages import Message, render
 from station.wiring.jobs import load_job
-from station.wiring.logs import open_log
 
 if TYPE_CHECKING:
     from station.ports.log_reader import LogReader
@@ -102,7 +101,11 @@ def check_recipe(request: RecipeCheckRequest, *, as_json: bool) -> int:
 def _own_log(request: RecipeCheckRequest) -> "tuple[Path, LogReader | None]":
     """The log that is named, or the station's own where there is one."""
     path = request.db or Path(load_settings(request.config).database)
-    return path, None if request.db is None and not path.exists() else open_log(path)
+    if request.db is None and not path.exists():
+        return path, None
+    from station.wiring.logs import open_log
+
+    return path, open_log(path)
 
 
 def _learnt(recipe: Recipe, request: RecipeCheckRequest) -> History:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from station.adapters.clock import SystemClock
 from station.adapters.store import keys
@@ -12,7 +13,6 @@ from station.adapters.store.log_anchors import Acknowledgement
 from station.adapters.store.pkcs11_signer import SCHEME, open_signer
 from station.adapters.store.reader import SqliteLogReader
 from station.adapters.store.sqlite import SqliteStore
-from station.adapters.witness.client import WitnessClient
 from station.adapters.witness.head_file import TreeHeadFile
 from station.config.settings import Settings
 from station.domain.records.head import SealedHead
@@ -21,6 +21,9 @@ from station.files.real_path import real_path
 from station.messages import Message
 from station.ports.log_reader import LogReader, Trust
 from station.service.witness import Witness
+
+if TYPE_CHECKING:
+    from station.adapters.witness.client import WitnessClient
 
 
 def open_log(path: Path | str) -> LogReader:
@@ -127,10 +130,12 @@ def open_store_now(path: Path, settings: Settings) -> SqliteStore:
     return open_store(path, settings, SystemClock().epoch_ns, brief=True)
 
 
-def _witness(settings: Settings, signer: keys.Signer) -> WitnessClient | None:
+def _witness(settings: Settings, signer: keys.Signer) -> "WitnessClient | None":
     at = settings.witness
     if at is None:
         return None
+    from station.adapters.witness.client import WitnessClient
+
     key = keys.load_public_key(Path(at.public_key))
     return WitnessClient(at.url, settings.station, signer.public_key, signer.sign, key, keys.verify, at.timeout_s)
 
