@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.results.diagnosis_document import cause_names
 from station.diagnosis.results.smallest_effect import detectable_length
 from station.diagnosis.search.finding import CauseFinding
-from station.domain.core.types import Labels
+from station.domain.core.types import Floats, Labels
 from station.reporting.diagnosis.cause_text import makes_testable
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, FormulaCurve, ReportData
 from station.reporting.diagnosis.hypothesis_section import draw_curve
@@ -323,6 +324,36 @@ def test_where_no_pose_is_known_cross_axis_is_drawn_over_the_product_that_length
     words = [t.text for t in ET.fromstring(page.lead.svg).iter("{http://www.w3.org/2000/svg}text")]
     assert {"product of what axes x and z feel, g²", "measured, mean of a group ± 95 %"} <= set(words)
     assert "cross-axis: the residual against what it depends on" in words
+
+
+@pytest.mark.parametrize(
+    ("cause", "words", "course"),
+    [
+        ("cubic", "what axis y feels, g", lambda a, b, t: a[:, 1] ** 4 + 0.2 * a[:, 0] ** 4),
+        ("quadratic", "what axis z feels, g", lambda a, b, t: a[:, 2] ** 3),
+        ("hysteresis", "previous minus present position on axis x × what it feels, g²",
+         lambda a, b, t: np.sign(b[:, 0]) * np.abs(b[:, 0] * a[:, 0])),
+        ("gain-temperature", "temperature above its mean × square of what axis z feels, °C·g²",
+         lambda a, b, t: (t - t @ a[:, 2] ** 2 / (a[:, 2] ** 2).sum()) * a[:, 2] ** 2),
+    ],
+)  # fmt: skip
+def test_where_no_pose_is_known_bends_are_drawn_over_what_they_depend_on(
+    cause: str, words: str, course: Callable[[Floats, Floats, Floats], Floats]
+) -> None:
+    """Not over the visits, one after the other."""
+    told = np.random.default_rng(2).standard_normal((16, 3))
+    told /= np.linalg.norm(told, axis=1, keepdims=True)
+    many = some_data("named", [a_cause(cause)])
+    before = np.where(many.previous[:, None] >= 0, told[many.previous] - told, 0.0)
+    moved = 1e-3 * course(told, before, many.values["temperature_degC"])[:, None]
+    one = {k: getattr(many, k)[:, :1] for k in ("measured", "before", "after")}
+    signs = (CauseSignature(cause, moved),)
+    page = build_page(
+        some_data("named", [a_cause(cause)], axes=("along the stimulus",), signatures=signs, told=told, **one)
+    )
+    assert page.lead is not None
+    drawn_words = [t.text for t in ET.fromstring(page.lead.svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert {words, "measured, mean of a group ± 95 %"} <= set(drawn_words)
 
 
 def test_one_unit_and_nothing_recorded_but_time() -> None:

@@ -23,6 +23,8 @@ _COVARIATES: dict[str, tuple[str, str]] = {
 }
 #: Stimuli (recipe's unit) that differ by less at one position are those of one seating.
 SAME_SEATING_MAX = 0.2
+#: A course along an axis is a polynomial of this degree, of fewer where a bend would have fewer points than these.
+BEND_DEGREE, POINTS_A_BEND = 5, 4
 #: Pairs of axes.
 PAIRS = ((0, 1), (0, 2), (1, 2))
 #: Levels whose groups belong to one unit: one unit is drawn.
@@ -140,14 +142,43 @@ def _by_reading(data: ReportData, felt: Floats, over: DrawnOver, signature: Floa
 
 
 def _along_stimulus(data: ReportData, told: Floats, over: DrawnOver, signature: Floats) -> CauseAxis | None:
-    """Where only lengths are known, the product of two axes of which a length follows most."""
-    if over not in ("other-axis", "input-product"):
-        return None
-    products = {place: told[:, j] * told[:, k] for place, (j, k) in enumerate(PAIRS)}
-    best = _likest(signature, products)
-    axis, other = ("xyz"[j] for j in PAIRS[best])
-    label = report_text("axis-product", axis=axis, other=other, unit=data.unit_of_readings)
-    return CauseAxis(products[best], label)
+    """Where only lengths are known: what moves one axis moves a length by as much as that axis feels of it. Of the
+    three axes, or pairs of them, the one that the length follows most."""
+    unit, strength = data.unit_of_readings, float(np.median(np.linalg.norm(told, axis=1)))
+    # A direction is told no better than that; visits of one position stand together.
+    told = np.round(told / strength, 2) * strength
+    if over in ("other-axis", "input-product"):
+        products = {place: told[:, j] * told[:, k] for place, (j, k) in enumerate(PAIRS)}
+        best = _likest(signature, products)
+        axis, other = ("xyz"[j] for j in PAIRS[best])
+        return CauseAxis(products[best], report_text("axis-product", axis=axis, other=other, unit=unit))
+    if over == "input":
+        j = _bends_along(signature, told)
+        return CauseAxis(told[:, j], report_text("axis-input", axis="xyz"[j], unit=unit))
+    if over == "step":
+        steps = np.where(data.previous[:, None] >= 0, told[data.previous] - told, np.nan) * told
+        there = np.isfinite(steps[:, 0])
+        j = _bends_along(signature[there], steps[there])
+        return CauseAxis(steps[:, j], report_text("axis-step-along", axis="xyz"[j], unit=unit))
+    if over == "temperature-input" and "temperature_degC" in data.values:
+        degC, square = data.values["temperature_degC"], told**2
+        off = (degC[:, None] - degC @ square / np.maximum(square.sum(axis=0), 1e-300)) * square
+        j = _likest(signature, dict(enumerate(off.T)))
+        return CauseAxis(off[:, j], report_text("axis-temperature-input-along", axis="xyz"[j], unit=unit))
+    return None
+
+
+def _bends_along(signature: Floats, choices: Floats) -> int:
+    """Of columns (v, 3) the one that a signature (v) is a smooth course of, as nearly as any is."""
+    left = [float(np.var(signature - bend(x, signature))) for x in choices.T]
+    return int(np.argmin(left))
+
+
+def bend(at: Floats, value: Floats) -> Floats:
+    """The smooth course of values (n) along a quantity (n)."""
+    places = len(np.unique(np.round(at, 9)))
+    degree = min(BEND_DEGREE, len(at) // POINTS_A_BEND, places - 1)
+    return np.asarray(np.polynomial.Polynomial.fit(at, value, degree)(at)) if degree > 0 else np.zeros(len(at))
 
 
 def _likest(signature: Floats, choices: Mapping[int, Floats]) -> int:

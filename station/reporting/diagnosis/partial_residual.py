@@ -23,6 +23,8 @@ MOST_DEGREE, SAME_COURSE = 3, 0.02
 _BENDS = ("input", "input-product", "temperature-input")
 #: Axes beside which the cause has another: points are its mean course there, and what is left.
 _OF_SEVERAL = ("other-axis", "input-product")
+#: The same where lengths are all that is known.
+_ALONG_ONE = ("input", "step", "temperature-input")
 #: Axes on which each visit stands for itself.
 _ONE_BY_ONE = ("visits", "order")
 
@@ -71,7 +73,10 @@ def _course(
     # An offset belongs to the calibration: only what changes along the axis is the cause's.
     if not axis.places and over not in _ONE_BY_ONE:
         predicted = predicted - predicted.mean()
-    if over in _OF_SEVERAL and data.told is not None:
+    if over in _ALONG_ONE and data.told is not None:
+        # A length follows all axes: of what the cause does, the course along this one.
+        predicted = cause_axis.bend(axis.at[rows], predicted)
+    elif over in _OF_SEVERAL and data.told is not None:
         # Hardly two visits agree: of what the cause does, its share in proportion to this product.
         predicted = np.polyval(np.polyfit(axis.at[rows], predicted, 1), axis.at[rows])
     elif over in _OF_SEVERAL:
