@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station import plugins
+from station.diagnosis.candidates import visit_gaps
 from station.diagnosis.candidates.bank_columns import BankColumns, places, scattered
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.residuals import ResidualView
@@ -223,8 +224,7 @@ def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
 def candidate_jump_times(view: ResidualView) -> tuple[float, ...]:
     """Times between the stops of the longest run, s from its start."""
     longest = max((rows for rows in view.scene.visits.run_slices()), key=lambda rows: rows.stop - rows.start)
-    t = view.scene.time_s[longest]
-    return tuple(float(x) for x in (t[1:] + t[:-1]) / 2)
+    return tuple(float(x) for x in visit_gaps.middles(view, longest))
 
 
 def _thinned(gaps: tuple[float, ...]) -> tuple[float, ...]:
@@ -235,8 +235,7 @@ def _thinned(gaps: tuple[float, ...]) -> tuple[float, ...]:
 def jump_times_between(view: ResidualView, low: float, high: float) -> tuple[float, ...]:
     """Times between any two stops of any runs within bounds: from one to the next another stop is before the jump.
     Of a fleet's many, some."""
-    t = np.unique(np.round(view.scene.time_s, 3))
-    middle = (t[1:] + t[:-1]) / 2
+    middle = visit_gaps.middles(view, slice(None))
     near = middle[(middle > low) & (middle < high)]
     return tuple(float(x) for x in near[:: max(1, -(-len(near) // MAX_REFINED_JUMP_TIMES))])
 

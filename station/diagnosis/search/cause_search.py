@@ -66,6 +66,9 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFact
     statistics = [search.first.statistic, *(after.statistic for f, after in found if not f.words)]
     findings, state = judged_again(search, state, tuple(f for f, _ in found))
     statistics[-1] = state.statistic
+    if not state.alarms:
+        # What was left beside a cause that was not at its best yet.
+        findings = tuple(f for f in findings if not f.words) or findings
     findings, other_forms = _with_forms_checked(problem, state, findings)
     return SearchResult(
         problem,

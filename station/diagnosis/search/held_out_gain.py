@@ -32,6 +32,9 @@ HELD_WEIGHT = 1e-3
 #: gain the same the sum is never more than twice its standard error. Three or less confirm nothing, since the sum of
 #: three is never twice their length: there are as few positions that are not needed to tell the calibration.
 FEW_STOPS, TOO_FEW_STOPS = 12, 3
+#: What moves a stop by so much, the square of it in units of its noise, is decided by that stop alone, and one that it
+#: moves further confirms no more than it.
+DECISIVE = 1000.0
 #: Pairs into which one visit's data are split by noise.
 FISSIONS = 4
 
@@ -89,14 +92,14 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
     stops = score[problem.view.grid.slot >= 0]
     total = float(stops.sum())
-    few = _moved_stops(moved)
-    if by == "sample" or TOO_FEW_STOPS < few < FEW_STOPS:
+    few, confirming = _moved_stops(moved), _moved_stops(moved / (1 + moved / DECISIVE))
+    if by == "sample" or (few < FEW_STOPS and confirming > TOO_FEW_STOPS):
         # Where few stops move, they do not tell how much it scatters what they gain; the standard deviation of their
         # log-likelihood ratio is the length of what moves in white data.
         std_error = np.sqrt(np.sum(moved))
     else:
         # About nothing, not about their mean, where there are so few: three that gain the same would have no scatter.
-        std_error = np.sqrt(np.sum((stops - (stops.mean() if few > TOO_FEW_STOPS else 0.0)) ** 2))
+        std_error = np.sqrt(np.sum((stops - (stops.mean() if confirming > TOO_FEW_STOPS else 0.0)) ** 2))
     return HeldOutGain(by, float(before), float(after), explained, total, float(std_error))
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.candidates import visit_gaps
 from station.diagnosis.candidates.bank import Candidate, build_bank, candidate_in_view, candidate_jump_times
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.projected_bank import project_bank
@@ -79,8 +80,7 @@ def _refined(
     """The candidates with those of the runs' own times; `chosen` then counts among these."""
     view, one = problem.view, scanned[0]
     for g in np.flatnonzero(hit) if np.count_nonzero(hit) <= MAX_REFINED_RUNS else ():
-        t = view.scene.time_s[one.code == g]
-        middle = (t[1:] + t[:-1]) / 2
+        middle = visit_gaps.middles(view, one.code == g)
         now: float = scanned[chosen[g]].effect.at_s
         near = middle[np.argsort(np.abs(middle - now))[:4]]
         more = [scanned[chosen[g]], *(with_form_value(one, "at_s", float(at), view) for at in near)]
