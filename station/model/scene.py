@@ -15,6 +15,7 @@ from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from station.model.temperature_course import TemperatureCourse, temperature_courses
+from station.model.turning_temperature import own_rates, with_own_rates
 from station.model.visit_table import VisitTable, visit_table
 
 #: Covariates of a sample, None in a scene where nobody recorded them.
@@ -214,9 +215,11 @@ def _means(values: Floats, visit: NDArray[Any], visits: int) -> Floats:
 def estimate_temperature_rate(
     temperature_degC: Floats, time_s: Floats, visit: NDArray[Any], visits: VisitTable
 ) -> Floats:
-    """dT/dt (n) in degC/s: the slope of a smooth course through the visits' mean temperatures."""
+    """dT/dt (n) in degC/s: the slope of a smooth course through the visits' mean temperatures, and where it turns
+    within a visit what the samples show."""
     mean = _means(np.stack([time_s, temperature_degC], 1), visit, len(visits))
-    return np.asarray(np.concatenate([c.slope for c in fit_temperature_courses(mean[:, 0], mean[:, 1], visits)])[visit])
+    slope = np.concatenate([c.slope for c in fit_temperature_courses(mean[:, 0], mean[:, 1], visits)])
+    return np.asarray(with_own_rates(slope, own_rates(temperature_degC, time_s, visit, len(visits)))[visit])
 
 
 def fit_temperature_courses(time_s: Floats, temperature_degC: Floats, visits: VisitTable) -> list[TemperatureCourse]:

@@ -22,6 +22,7 @@ from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sam
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.scene import COVARIATES, Scene, fit_temperature_courses, scene_of_table, visits_scene_of_table
+from station.model.turning_temperature import own_rates, with_own_rates
 
 #: Ends of the sub-blocks as shares of the dwell.
 BLOCK_EDGES = np.array([0.06, 0.15, 0.40, 1.0])
@@ -119,7 +120,8 @@ def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
 class ReducedPart:
     """Some whole units of a table, reduced. sigma (3): noise of a sample of theirs; means: one row a visit (v), values
     and readings its plain means; since_s (v) mean time since its first sample; count (v, B) and block (v, B, 3) samples
-    and robust mean of each block; late, spread (v, B) mean and deviation of its samples' times about the visit's mean;
+    and robust mean of each block; warming (v) the mean rate of temperature by its own samples, degC/s, NaN where they
+    do not tell it; late, spread (v, B) mean and deviation of its samples' times about the visit's mean;
     differences: how noisy each is."""
 
     sigma: Floats
@@ -130,6 +132,7 @@ class ReducedPart:
     late: Floats
     spread: Floats
     differences: VisitDifferences
+    warming: Floats
 
 
 def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
@@ -179,7 +182,13 @@ def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edge
         late.reshape(shape),
         spread.reshape(shape),
         visit_differences(table.reading, visit, sigma),
+        _warming(table, visit, stops),
     )
+
+
+def _warming(table: SampleTable, visit: NDArray[np.intp], stops: int) -> Floats:
+    warm = table.values.get("temperature_degC")
+    return np.full(stops, np.nan) if warm is None else own_rates(warm, table.time_s, visit, stops)
 
 
 def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart], sigma: Floats) -> ReducedScene:
@@ -187,7 +196,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
     count = np.concatenate([p.count for p in parts])
     mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
-    scene, rate_error = _scene(recipe, means)
+    scene, rate_error = _scene(recipe, means, np.concatenate([p.warming for p in parts]))
     scene = replace(scene, since_arrival_s=since)
     one, axes = np.where(sigma > 0, sigma, 1.0), axis_noise(sigma, int(count.sum()) - len(count))
     differences = VisitDifferences.join(
@@ -230,8 +239,9 @@ def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
     )
 
 
-def _scene(recipe: Recipe, means: SampleTable) -> tuple[Scene, Floats | None]:
-    """The scene of stops (v), one row each, and what is not known of the rate of temperature there (v, modes).
+def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, Floats | None]:
+    """The scene of stops (v), one row each, and what is not known of the rate of temperature there (v, modes); warming
+    (v): this rate as the samples of each show it.
 
     Temperatures are as a smooth course has them: as it was read, one that scarcely changes bears more of its
     thermometer's noise than of what it was, and nothing would follow it.
@@ -243,7 +253,7 @@ def _scene(recipe: Recipe, means: SampleTable) -> tuple[Scene, Floats | None]:
         return scene, None
     courses = fit_temperature_courses(scene.time_s, warm, scene.visits)
     value, rate, modes = (np.concatenate([getattr(c, part) for c in courses]) for part in ("value", "slope", "modes"))
-    return replace(scene, temperature_degC=value, temperature_rate=rate), modes
+    return replace(scene, temperature_degC=value, temperature_rate=with_own_rates(rate, warming)), modes
 
 
 def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
