@@ -9,6 +9,7 @@ from station.diagnosis.data.faults.gross_fault import GrossFault
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.reporting.diagnosis.data import ClockCourse
+from station.reporting.diagnosis.point_groups import group_points
 from station.reporting.diagnosis.sentences import report_text
 from station.reporting.drawing.figure import Figure, Series, svg
 
@@ -55,12 +56,9 @@ def figure(found: ClockCourse, effect: str) -> str:
 
 def _groups(at: Floats, value: Floats) -> tuple[Floats, Floats, Floats]:
     """Means along the axis and of the values (g) of groups of equal steps, and half their 95 % intervals."""
-    step = np.minimum(at / max(float(at.max()), 1e-300) * GROUPS, GROUPS - 1).astype(np.intp)
-    code = np.unique(step, return_inverse=True)[1]
-    count = np.bincount(code)
-    middle, mean = np.bincount(code, at) / count, np.bincount(code, value) / count
+    groups = group_points(at, GROUPS)
+    middle, mean = groups.mean(at), groups.mean(value)
     # Within a group the values rise with time: only what is beside that slope is scatter.
     slope = np.polyfit(at, value, 1)[0] if len(at) > 1 and np.ptp(at) > 0 else 0.0
-    off = value - mean[code] - slope * (at - middle[code])
-    std = np.sqrt(np.bincount(code, off**2) / np.maximum(count - 1, 1))
-    return middle, mean, np.asarray(1.96 * std / np.sqrt(count))
+    wide = 1.96 * groups.scatter(value - slope * at) / np.sqrt(groups.size)
+    return middle, mean, np.asarray(wide)

@@ -7,6 +7,7 @@ import numpy as np
 
 from station.domain.core.types import Array, Floats
 from station.reporting.diagnosis.data import FormulaCurve, ReportData
+from station.reporting.diagnosis.point_groups import group_points
 from station.reporting.diagnosis.quantity_format import display_unit, format_aligned, format_significant
 from station.reporting.diagnosis.sentences import report_text
 from station.reporting.diagnosis.tables import ReportTable
@@ -103,13 +104,10 @@ def _thirds(s: Floats, ends: Array) -> list[Array]:
 
 def _grouped(curve: FormulaCurve, rows: Array) -> tuple[Floats, Floats, Floats, Floats]:
     """Covariate, mean measured, 1.96 standard errors and the formula's mean of each group along the covariate."""
-    at = np.flatnonzero(rows)
-    at = at[np.argsort(curve.at[at], kind="stable")]
-    groups = [g for g in np.array_split(at, min(GROUPS, max(1, len(at) // 4))) if len(g)]
-    x, y, line = (np.array([v[g].mean() for g in groups]) for v in (curve.at, curve.measured, curve.formula))
-    rest = curve.measured - curve.formula
-    wide = np.array([1.96 * rest[g].std() / np.sqrt(len(g)) for g in groups])
-    return x, y, wide, line
+    at, measured, formula = (v[rows] for v in (curve.at, curve.measured, curve.formula))
+    groups = group_points(at, min(GROUPS, max(1, len(at) // 4)), even=True)
+    wide = 1.96 * groups.scatter(measured - formula) / np.sqrt(groups.size)
+    return groups.mean(at), groups.mean(measured), wide, groups.mean(formula)
 
 
 def formula_math(document: Mapping[str, Any]) -> tuple[str, ...]:

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
 from station.model.effect import DrawnOver
 from station.reporting.diagnosis import cause_axis
 from station.reporting.diagnosis.cause_axis import AffectedVisits, CauseAxis
 from station.reporting.diagnosis.data import CauseSignature, ReportData
+from station.reporting.diagnosis.point_groups import group_points
 from station.reporting.diagnosis.quantity_format import display_unit
 from station.reporting.diagnosis.sentences import report_text
 from station.reporting.drawing.figure import Figure, Series, panels, svg
@@ -125,7 +125,7 @@ def _single_points(axis: CauseAxis, c: Course) -> Series:
 
 def _curve(axis: CauseAxis, c: Course) -> Series:
     """What the cause says along the axis: dashes at places, a line over numbers."""
-    groups = _groups(c.at, len(c.at) if c.single else len(axis.places) or CURVE_STEPS)
+    groups = group_points(c.at, len(c.at) if c.single else len(axis.places) or CURVE_STEPS)
     at, predicted = groups.mean(c.at), groups.mean(c.cause)
     kind: Literal["dashes", "line"] = "dashes" if axis.places or c.single else "line"
     if kind == "line":
@@ -148,35 +148,8 @@ def _between(at: Floats, value: Floats) -> tuple[Floats, Floats]:
 def _grouped(axis: CauseAxis, c: Course, noise: float) -> Series:
     """Means of groups of visits with 95 % bars, from their scatter about the cause or the floor's where that is
     larger."""
-    groups = _groups(c.at, len(c.at) if c.single else len(axis.places) or GROUPS, even=not axis.places)
+    groups = group_points(c.at, len(c.at) if c.single else len(axis.places) or GROUPS, even=not axis.places)
     at, mean = groups.mean(c.at), groups.mean(c.measured)
     wide = 1.96 * np.maximum(groups.scatter(c.measured - c.cause), noise) / np.sqrt(groups.size)
     name = report_text("legend-measured")
     return Series(at.tolist(), mean.tolist(), name, low=(mean - wide).tolist(), high=(mean + wide).tolist())
-
-
-class Groups(NamedTuple):
-    """Which group each point (n) is in, and how many each group (g) has."""
-
-    code: NDArray[np.intp]
-    size: Floats
-
-    def mean(self, value: Floats) -> Floats:
-        """Means (g)."""
-        return np.asarray(np.bincount(self.code, value) / self.size)
-
-    def scatter(self, value: Floats) -> Floats:
-        """Standard deviations (g), 0 of a single point."""
-        off = value - self.mean(value)[self.code]
-        return np.asarray(np.sqrt(np.bincount(self.code, off**2) / np.maximum(self.size - 1, 1)))
-
-
-def _groups(at: Floats, most: int, *, even: bool = False) -> Groups:
-    """One group for each value where there are few, else so many of equal steps, or of equally many points (even)."""
-    places, code = np.unique(np.round(at, 9), return_inverse=True)
-    if len(places) > most and even:
-        code = np.argsort(np.argsort(at, kind="stable"), kind="stable") * most // len(at)
-    elif len(places) > most:
-        steps = np.minimum((at - at.min()) / np.ptp(at) * most, most - 1).astype(np.intp)
-        code = np.unique(steps, return_inverse=True)[1]
-    return Groups(code.astype(np.intp), np.bincount(code).astype(float))
