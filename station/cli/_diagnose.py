@@ -175,6 +175,9 @@ def _heading(name: str, proposal: Proposal) -> str:
     ]
     if proposal.next_nest:
         lines.append("Put each unit into the next nest for each new run.")
+    if proposal.another_nest:
+        lines.append("All was measured in one nest: put each unit into another one for the first new run.")
+        lines.append("Where the rig has no other, no run tells apart what the nest does and what the rig does.")
     return "".join(f"# {line}\n" for line in lines)
 
 

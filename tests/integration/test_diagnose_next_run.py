@@ -80,19 +80,19 @@ def test_the_proposed_run_tells_it_apart(effect: str, tmp_path: Path) -> None:
     assert not after & tied
 
 
-def test_what_cannot_be_told_does_not_keep_the_rest_from_being_told(tmp_path: Path) -> None:
-    """Of one unit errors of all positions look like a tilted nest whatever is done; the part's own turn does not."""
+def test_what_one_nest_cannot_tell_is_told_in_another(tmp_path: Path) -> None:
+    """Of one unit in one nest errors of all positions look like a tilted nest whatever is done."""
     recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
     requested = ("--units", "1", "--seed", "5", "--effect", "package-rotation")
     assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
     before = diagnosed(recipe, old, "--next-run", str(following))
-    assert members(before) == {"nest-tilt", "package-rotation", "index-error"}
-    assert before["next_run"]["recipe_change"] == "one run turned 180° in the seat"
-    shown = set(before["next_run"]["separates"])
-    # The tie is exact: whichever stands at its head is told from the part's turn, or the turn from both others.
-    head = before["causes"][0]["effect"]
-    others = {"nest-tilt", "index-error"} if head == "package-rotation" else {head}
-    assert shown == {"package-rotation", *others}
+    tied = {"nest-tilt", "package-rotation", "index-error"}
+    assert members(before) == tied == set(before["next_run"]["separates"])
+    assert (
+        before["next_run"]["recipe_change"] == "one run once more in another nest, then one run turned 180° in the seat"
+    )
+    assert before["next_run"]["certainty"] > 0.9
+    assert "put each unit into another one" in following.read_text(encoding="utf-8")
 
 
 def test_where_no_run_helps_it_says_what_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
-from station.diagnosis.data.reduce import visit_means
+from station.diagnosis.data.reduce import reduce_samples, visit_means
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.planning.bench import bench_of
 from station.diagnosis.planning.measured import MeasuredCampaign
+from station.diagnosis.planning.next_readings import NextReadings
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
-from station.diagnosis.planning.proposal import propose
+from station.diagnosis.planning.proposal import propose, rated_runs
 from station.diagnosis.planning.run_menu import run_menu
-from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie
+from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, usual_shapes
 from station.domain.core.types import SampleTable
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
@@ -111,3 +113,67 @@ def test_a_plan_reads_the_thermometer_as_badly_as_it_was_read() -> None:
     at = np.vander(np.arange(6.0), 2)
     left = planned.T - at @ np.linalg.lstsq(at, planned.T, rcond=None)[0]
     assert 0.05 < np.sqrt(np.sum(left**2) / 16) < 0.6
+
+
+def test_a_visit_that_is_off_is_taken_to_be_the_one_that_reads_so() -> None:
+    """Of six measured visits one is off by 50 times its noise: no other is the disturbed one in what is simulated."""
+    campaign, table = once_measured(units=1)
+    off = np.where(table.visit == 3, 50 * campaign.floor.noise, 0.0)[:, None] * [0.0, 1.0, 0.0]
+    plan = with_one_more(replace(campaign, samples=replace(table, reading=table.reading + off)), "one run reversed")
+    (candidate,) = (c for c in usual_shapes(plan, "disturbed-visit") if c.effect is None)
+    readings = NextReadings(plan.problem, plan.floor, np.zeros((3, 3)), measured=1)
+    rng = np.random.default_rng(1)
+    assert {int(np.argmax(readings.hit(candidate, 1e-3, rng))) for _ in range(50)} == {3}
+
+
+def test_one_unit_on_six_faces_has_a_run_beside_a_visit_that_may_be_off() -> None:
+    """Here a visit that may read anything leads, of no effect's form."""
+    recipe = load_job("six-point")[0].recipe
+    asymmetry = next(e for e in cause_library(recipe) if e.id == "asymmetry")
+    job = SimulationJob(recipe, ("SN0001",), 5, (replace(asymmetry, size=6e-4),))
+    d = diagnosis_of(recipe, simulate(job).table)
+    assert any("disturbed-visit" in (c.finding.name, *c.finding.indistinguishable_from) for c in d.causes)
+    document, proposal = next_run(d)
+    assert document is not None and proposal is not None
+    assert proposal.certainty > 0.5
+
+
+def test_what_one_nest_cannot_tell_is_planned_for_in_another() -> None:
+    """Turned in the seat, a nest's tilt parts from the part's, and is tied with errors of the positions, which one run
+    did not show: the promise knows it, and another nest parts these."""
+    campaign, _ = once_measured(units=1)
+    tilt = next(e for e in cause_library(campaign.recipe) if e.id == "nest-tilt")
+    table = simulate(SimulationJob(campaign.recipe, ("SN0",), 5, (replace(tilt, size=2e-3),))).table
+    campaign = replace(campaign, nests=1, samples=table, hidden=("index-error",))
+    tie = CauseTie(CauseHypothesis(tilt, "nest", 2e-3), ("package-rotation",))
+    turned = next(p for p in rated_runs(campaign, [tie]) if "turned 180" in p.change)
+    assert set(turned.leaves) == {"nest-tilt", "index-error"}
+    assert turned.certainty == pytest.approx(0.5, abs=0.01)
+    found = propose(campaign, [tie])
+    assert found is not None and found.another_nest
+    assert found.certainty > 0.9
+
+
+def test_a_cause_follows_the_temperature_and_not_what_its_thermometer_is_off_by() -> None:
+    campaign, table = once_measured(units=4)
+    off = 0.2 * np.random.default_rng(3).standard_normal((4, 6))[table.unit.code, table.visit]
+    read = replace(table, values={**table.values, "temperature_degC": table.values["temperature_degC"] + off})
+    now = PlannedRuns.measured(campaign.recipe)
+    longer = next(runs for text, runs in run_menu(campaign, now) if text.startswith("one run motors off"))
+    scene = replace(campaign, samples=read).gone_on(longer, exact=True).problem.view.scene
+    assert scene.temperature_degC is not None
+    planned = scene.temperature_degC[scene.visits.run == 1].reshape(4, 6)
+    # Beside a thermometer that is off by .2 °C from visit to visit a bench warms along a smooth course.
+    assert np.abs(np.diff(planned, 2, axis=1)).max() < 0.005
+
+
+@pytest.mark.parametrize("heating_degC", [0.3, 6.0])
+def test_a_short_run_says_how_much_a_bench_warms(heating_degC: float) -> None:
+    """Six tilts in a quarter of a minute: the time constant is anyone's, what it warms by is not."""
+    recipe = load_job("six-point")[0].recipe
+    line = SimulatedLine(heating_degC=heating_degC, heating_tau_s=300.0, wander_degC=0.0)
+    table = simulate(SimulationJob(recipe, ("a", "b"), 5, line=line)).table
+    found = bench_of(reduce_samples(recipe, table).scene)
+    begin = found.heating_degC / found.heating_tau_s
+    assert 100.0 < found.heating_tau_s < 1600.0
+    assert begin == pytest.approx(heating_degC / 300.0, abs=0.4 * heating_degC / 300.0 + 0.004)

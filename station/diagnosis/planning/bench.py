@@ -10,8 +10,8 @@ from station.model.simulated_line import SimulatedLine
 
 #: Time constants of self-heating that are tried, s.
 HEATING_TAUS_S = (100.0, 200.0, 400.0, 800.0, 1600.0)
-#: Span of times since power-on below which the room's own drift decides what fits; an ordinary bench is taken then.
-LEAST_SPAN_S = 300.0
+#: How far a room may have moved within a run, degC: what a short run warms by says no more of the heating than that.
+ROOM_DRIFT_DEGC = 0.02
 
 
 def bench_of(scene: Scene) -> SimulatedLine:
@@ -21,7 +21,7 @@ def bench_of(scene: Scene) -> SimulatedLine:
         lead = scene.since_power_s - scene.time_s
         cold = lead < float(lead.min()) + 1.0
         line = replace(line, power_lead_s=max(float(np.median(lead[cold])), 0.0))
-        if scene.temperature_degC is not None and float(np.ptp(scene.since_power_s)) > LEAST_SPAN_S:
+        if scene.temperature_degC is not None:
             line = _with_heating(line, scene, scene.since_power_s, scene.temperature_degC)
     if scene.temperature_degC is not None:
         line = replace(line, room_degC=_room_degC(line, scene, scene.temperature_degC))
@@ -31,20 +31,29 @@ def bench_of(scene: Scene) -> SimulatedLine:
 
 
 def _with_heating(line: SimulatedLine, scene: Scene, since_power_s: Floats, temperature_degC: Floats) -> SimulatedLine:
-    """T = T_run + H·(1 − e^(−t/τ)), t since power-on, by least squares; τ of those tried that fits best."""
+    """T = T_run + H·(1 − e^(−t/τ)), t since power-on. H is that of an ordinary bench, and uncertain by as much, before
+    the readings; H and log τ are means over what they then leave likely. A short run, which any τ fits, has none of
+    the extreme ones."""
     run = scene.codes("run")[scene.visit]
     count = np.maximum(np.bincount(run), 1)
 
     def within(x: Floats) -> Floats:
         return np.asarray(x - (np.bincount(run, x) / count)[run])
 
-    y = within(temperature_degC)
+    y, prior = within(temperature_degC), 1 / line.heating_degC**2
     fits = []
     for tau in HEATING_TAUS_S:
         x = within(1 - np.exp(-since_power_s / tau))
-        size = float(x @ y) / max(float(x @ x), 1e-12)
-        fits.append((float(np.sum((y - size * x) ** 2)), size, tau))
-    _, size, tau = min(fits)
+        # Rows of one visit err together.
+        weight = len(scene.visits) / len(y)
+        alone = y - x * float(x @ y) / max(float(x @ x), 1e-12)
+        error = max(float(alone @ alone) / len(y), ROOM_DRIFT_DEGC**2)
+        size = (weight * float(x @ y) / error + line.heating_degC * prior) / (weight * float(x @ x) / error + prior)
+        off = weight * float(np.sum((y - size * x) ** 2)) / error + (size - line.heating_degC) ** 2 * prior
+        fits.append((-0.5 * (off + len(scene.visits) * np.log(error)), size, np.log(tau)))
+    nats, sizes, logs = (np.array(column) for column in zip(*fits, strict=True))
+    likely = np.exp(nats - nats.max())
+    size, tau = float(np.average(sizes, weights=likely)), float(np.exp(np.average(logs, weights=likely)))
     return replace(line, heating_degC=max(size, 0.0), heating_tau_s=tau)
 
 

@@ -52,11 +52,16 @@ class SimulatedPlan:
     parted: Mapping[TrueAndOther, float]
 
 
-def simulated_plan(campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequence[Suspects]) -> SimulatedPlan:
-    """What simulated diagnoses of a longer campaign say; a cause of a tie is true in as many sets as it is likely."""
+def simulated_plan(
+    campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequence[Suspects], new: Sequence[str] = ()
+) -> SimulatedPlan:
+    """What simulated diagnoses of a longer campaign say; a cause of a tie is true in as many sets as it is likely. new:
+    causes that only the new runs can show, none of which is true."""
     plan, rng = campaign.gone_on(runs), np.random.default_rng(1)
-    names = tuple(dict.fromkeys(name for suspects in lines_up for name in suspects.members))
+    names = tuple(dict.fromkeys([*(name for suspects in lines_up for name in suspects.members), *new]))
     shapes = {name: usual_shapes(plan, name) for name in names}
+    # A cause follows the temperature, not the thermometer.
+    truth = campaign.gone_on(runs, exact=True) if _reads_thermometer(lines_up) else plan
     diagnosis = SimulatedDiagnosis(plan, shapes)
     scale = np.array([plan.floor.variances[0] / campaign.floor.variances[0], 1.0, 1.0])
     readings = NextReadings(plan.problem, plan.floor, campaign.spread * np.outer(scale, scale), campaign.known_runs)
@@ -68,7 +73,7 @@ def simulated_plan(campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequ
         counts = shared_out(np.array([p for _, p, _ in likely]), len(right))
         drawn = list[NullNoise]()
         for (name, _, one), count in zip(likely, counts, strict=True):
-            candidate = suspect_candidate(plan, one, shapes[name])
+            candidate = suspect_candidate(truth, one, shapes[name] if truth is plan else usual_shapes(truth, name))
             for first in range(0, int(count), SETS_OF_A_FLOOR):
                 together = min(SETS_OF_A_FLOOR, int(count) - first)
                 drawn.append(readings.sets(candidate.plain or candidate, one.size, together, rng))
@@ -93,6 +98,12 @@ def simulated_plan(campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequ
         SimulatedChance(int(promised.sum()), len(promised)),
         {pair: float(np.mean(np.concatenate(each))) for pair, each in pairs.items()},
     )
+
+
+def _reads_thermometer(lines_up: Sequence[Suspects]) -> bool:
+    """Whether any cause follows what the thermometer shows."""
+    effects = [one.effect for suspects in lines_up for shapes in suspects.causes for one in shapes]
+    return any(need.startswith("temperature") for effect in effects for need in effect.needs)
 
 
 def shared_out(weights: Floats, count: int) -> Array:

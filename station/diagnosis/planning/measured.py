@@ -33,7 +33,8 @@ class MeasuredCampaign:
     """What was measured: the recipe, how many units through how many nests, the floor found, the bench, and samples of
     the runs, a few a second; None where they are not one pass of each of the recipe's runs.
 
-    spread (3, 3): covariance of the floor's variances; alone: whether the tied causes are all that is in the readings.
+    spread (3, 3): covariance of the floor's variances; alone: whether the tied causes are all that is in the readings;
+    hidden: ids of the causes that these cannot show.
     """
 
     recipe: Recipe
@@ -44,6 +45,7 @@ class MeasuredCampaign:
     samples: SampleTable | None = None
     spread: Floats = field(default_factory=lambda: np.zeros((3, 3)))
     alone: bool = True
+    hidden: tuple[str, ...] = ()
 
     @property
     def known_runs(self) -> int:
@@ -55,15 +57,31 @@ class MeasuredCampaign:
         """The bench of a plan. A room that wanders would part what the next room, which stays calm, does not."""
         return replace(self.bench, nests=self.nests, wander_degC=0.0)
 
-    def gone_on(self, runs: PlannedRuns) -> PlannedCampaign:
-        """The campaign with more runs: what was measured where and when it was, the rest as it is planned."""
+    @property
+    def in_one_nest(self) -> bool:
+        """Whether nothing was measured in a second nest, and it is known in which one all was."""
+        return self.nests == 1 and self.samples is not None and "nest" in self.samples.labels
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the plan reckons with a nest in which nothing was measured."""
+        nest = None if self.samples is None else self.samples.labels.get("nest")
+        return nest is not None and self.nests > len(nest.names)
+
+    def gone_on(self, runs: PlannedRuns, *, exact: bool = False) -> PlannedCampaign:
+        """The campaign with more runs: what was measured where and when it was, the rest as it is planned; exact: with
+        a thermometer that shows the planned runs as warm as they are."""
         if self.samples is None:
             return PlannedCampaign.of(plan_runs(runs, self.units, self.line).problem, self.floor)
         done = len(self.recipe.runs)
         before_s, all_s = (float(np.mean([d.longest_s for d in runs.dwells[:n]])) for n in (done, None))
         density = self.floor.noise * float(np.sqrt(2 * before_s))
         new = simulated_runs(runs, done, self.samples.unit.names, density, self.line) if runs.dwells[done:] else []
-        problem = planned_problem(runs.recipe, [self.samples, *(_next_of(self.samples, part) for part in new)])
+        if self.samples.values.get("temperature_degC") is not None:
+            std = 0.0 if exact else _thermometer_std(self.samples)
+            new = [_read_by_thermometer(part, self.line, runs.recipe, std) for part in new]
+        planned = [_next_of(self.samples, part, self.nests) for part in new]
+        problem = planned_problem(runs.recipe, [self.samples, *planned])
         # The noise is that of a visit of usual length.
         return PlannedCampaign.of(
             problem, replace(self.floor, noise=self.floor.noise * float(np.sqrt(before_s / all_s)))
@@ -80,7 +98,9 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     fitted = d.search_result.first.fit() if tied else d.floor
     alone = len(d.causes) == 1 and not d.search_result.first.accepted
     bench = bench_of(d.last.view.scene)
-    return MeasuredCampaign(d.recipe, units, nests, fitted.floor, bench, _few_samples(d), fitted.covariance, alone)
+    return MeasuredCampaign(
+        d.recipe, units, nests, fitted.floor, bench, _few_samples(d), fitted.covariance, alone, d.not_testable
+    )
 
 
 def _few_samples(d: Diagnosis) -> SampleTable | None:
@@ -110,27 +130,35 @@ def _visit_begins(table: SampleTable) -> Array:
     return np.asarray(np.any(np.diff(rows, axis=1, prepend=-1) != 0, axis=0))
 
 
-def _next_of(samples: SampleTable, part: SampleTable) -> SampleTable:
-    """Simulated samples of later runs of the units: each goes on to the next nest, after the last of what there is, and
-    stays otherwise what it is."""
+def _next_of(samples: SampleTable, part: SampleTable, nests: int) -> SampleTable:
+    """Simulated samples of later runs of the units: each goes on to the next of so many nests, after the last of what
+    there is, and stays otherwise what it is."""
     last = np.array([np.flatnonzero(samples.unit.code == u)[-1] for u in range(len(samples.unit.names))])
     unit = np.array([samples.unit.names.index(name) for name in part.unit.names])[part.unit.code]
     labels = {k: Labels(v.names, v.code[last][unit]) for k, v in samples.labels.items()}
     if "nest" in labels:
         steps = part.run - samples.run[last][unit]
         nest = samples.labels["nest"]
-        labels["nest"] = Labels(nest.names, ((nest.code[last][unit] + steps) % len(nest.names)).astype(np.int32))
+        names = (*nest.names, *(f"nest {i + 1}" for i in range(len(nest.names), nests)))
+        labels["nest"] = Labels(names, ((nest.code[last][unit] + steps) % len(names)).astype(np.int32))
     if "seating" in labels:
         labels["seating"] = part.labels["seating"]
     values = dict(part.values)
     if "started_s" in values and "started_s" in samples.values:
         end_s = float(np.max(samples.values["started_s"] + samples.time_s)) + AWAY_S
         values["started_s"] = values["started_s"] - float(np.min(values["started_s"])) + end_s
-    if "temperature_degC" in values and "temperature_degC" in samples.values:
-        visit = np.cumsum(_visit_begins(part)) - 1
-        error = _thermometer_std(samples) * np.random.default_rng(1).standard_normal(int(visit[-1]) + 1)
-        values["temperature_degC"] = values["temperature_degC"] + error[visit]
     return replace(part, labels=labels, values=values)
+
+
+def _read_by_thermometer(part: SampleTable, line: SimulatedLine, recipe: Recipe, std_degC: float) -> SampleTable:
+    """Simulated samples as warm as the bench is, which warms alone in a calm room, and a thermometer is off by from
+    visit to visit."""
+    heated = line.heating_degC * (1 - np.exp(-part.values["since_power_s"] / line.heating_tau_s))
+    offsets = np.array([run.temperature_offset_degC for run in recipe.runs])
+    visit = np.cumsum(_visit_begins(part)) - 1
+    error = std_degC * np.random.default_rng(1).standard_normal(int(visit[-1]) + 1)
+    warm = line.room_degC + offsets[part.run] + heated + error[visit]
+    return replace(part, values={**part.values, "temperature_degC": warm})
 
 
 def _thermometer_std(samples: SampleTable) -> float:

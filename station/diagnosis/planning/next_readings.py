@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Candidate
+from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
 from station.diagnosis.candidates.nuisance import accept_candidate, accepted_columns
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
@@ -52,21 +52,42 @@ class NextReadings:
     def sets(self, candidate: Candidate, size: float, count: int, rng: np.random.Generator) -> NullNoise:
         """So many sets in which a cause is true whose coefficients have this rms."""
         rows, place = accepted_columns(
-            accept_candidate(candidate, self._hit(candidate, rng), size), self.problem.view.layout
+            accept_candidate(candidate, self.hit(candidate, size, rng), size), self.problem.view.layout
         )
         own = self.problem.known.own
         known = DataColumns.concatenate([own, rows])
         theta = self._drawn(known, own.stop.shape[-1], size, count, rng, own=place.own)
         return self._noise_with(known, theta, count, rng)
 
-    def _hit(self, candidate: Candidate, rng: np.random.Generator) -> Array:
-        """The groups that act: of few of many, any one of what is measured."""
+    def hit(self, candidate: Candidate, size: float, rng: np.random.Generator) -> Array:
+        """The groups that act: of few of many one of those that were measured, as likely as its readings make it."""
         hit = np.ones(len(candidate.names), bool)
         if candidate.pattern == "scan":
-            measured = self.problem.view.scene.visits.run < max(self.measured, 1)
+            groups = np.unique(candidate.code[self.problem.view.scene.visits.run < max(self.measured, 1)])
+            nats = self._evidence(candidate, groups, size) if self.measured else np.zeros(len(groups))
+            likely = np.exp(nats - nats.max())
             hit[:] = False
-            hit[rng.choice(np.unique(candidate.code[measured]))] = True
+            hit[rng.choice(groups, p=likely / likely.sum())] = True
         return hit
+
+    def _evidence(self, candidate: Candidate, groups: Array, size: float) -> Floats:
+        """Log evidence (groups) of each group's coefficients, of this rms, in the readings so far, beside its unit's
+        calibration."""
+        if candidate.of not in PER_UNIT_LEVELS:
+            return np.zeros(len(groups))
+        readings, _ = self.problem.readings(moving=True)
+        own, every, y = (
+            self._measured(x) for x in (self.problem.known.own, candidate.rows(self.problem.view.layout), readings)
+        )
+        calibration = np.linalg.pinv(own)
+        every, y = (x - own @ (calibration @ x) for x in (every, y))
+        unit, place = candidate.where(self.problem.view.layout)
+        columns = place[groups, None] * candidate.axes + np.arange(candidate.axes)
+        mine = size * every[unit[groups][:, None], :, columns].swapaxes(1, 2)
+        information = np.eye(candidate.axes) + mine.swapaxes(1, 2) @ mine
+        along = mine.swapaxes(1, 2) @ y[unit[groups]]
+        explained = (along.swapaxes(1, 2) @ np.linalg.solve(information, along))[:, 0, 0]
+        return np.asarray(0.5 * (explained - np.linalg.slogdet(information)[1]))
 
     def _drawn(
         self, known: DataColumns, p: int, size: float, count: int, rng: np.random.Generator, *, own: bool

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import FLOOR_CAUSES
+from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
 from station.diagnosis.planning.measured import measured_campaign
 from station.diagnosis.planning.proposal import Proposal, propose
 from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie
@@ -74,10 +74,14 @@ def _tie(d: Diagnosis, c: Cause) -> CauseTie | None:
     """A cause with those it is tied with; of a variance of the floor these alone, None where they are one or none."""
     if c.estimate is None:
         return _tie_beside_scatter(d, c)
-    if c.estimate.item.candidate.effect is None:
+    candidate = c.estimate.item.candidate
+    # A visit that may read anything has the name of a cause, but not its form.
+    library = (e for e in cause_library(d.recipe) if e.id == candidate.name)
+    effect = candidate.effect or next(library, None)
+    if effect is None:
         return None
     size = float(np.sqrt(np.mean(c.estimate.value[c.estimate.item.hit] ** 2)))
-    found = CauseHypothesis(c.estimate.item.candidate.effect, c.estimate.item.candidate.of, size)
+    found = CauseHypothesis(effect, candidate.of, size, free=candidate.effect is None)
     return CauseTie(found, c.finding.indistinguishable_from, c.finding.d, c.finding.probability)
 
 

@@ -162,6 +162,7 @@ def planned_problem(recipe: Recipe, parts: Sequence[SampleTable]) -> ScoringProb
         sigma=reduced.sigma * float(np.sqrt(np.mean(reduced.excess.mean(1) * share))),
         excess=np.ones_like(reduced.excess),
         axis_excess=np.ones_like(reduced.axis_excess),
+        axis_correlation=np.eye(3),
     )
     return initial_problem(reduced, FloorAllowance.of(recipe, Model()))
 

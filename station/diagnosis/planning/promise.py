@@ -30,8 +30,10 @@ class TiedCauses:
 
     @staticmethod
     def of(names: Sequence[str], d: float, probability: Mapping[str, float]) -> "TiedCauses":
-        """From probabilities by name; all alike where none is given."""
+        """From probabilities by name; all alike where none is given. None is likelier than the one found: it leads by
+        more than its evidence."""
         each = [probability.get(name, 0.0) for name in names] if probability else []
+        each = [min(p, each[0]) for p in each]
         total = sum(each)
         likely = [p / total for p in each] if total > 0 else [1 / len(names)] * len(names)
         return TiedCauses(tuple(names), tuple(likely), d)
@@ -54,8 +56,9 @@ class TiedCauses:
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """d·√κ of each of the causes of some ties, were it the true one, against each other of its tie; simulated: of pairs
-    in the order of their names the share of simulated diagnoses that part them where one of them is true."""
+    """d·√κ of each of the causes of some ties, were it the true one, against each other of its tie and each that only
+    the new runs can show; simulated: of pairs in the order of their names the share of simulated diagnoses that part
+    them where one of them is true."""
 
     ties: tuple[TiedCauses, ...]
     apart: Mapping[TrueAndOther, float]
@@ -90,10 +93,12 @@ class Promise:
         """Chance that two causes are parted if one of them is the true one."""
         if (one, other) in self.simulated:
             return self.simulated[one, other]
-        tie = next(tie for tie in self.ties if one in tie.names and other in tie.names)
-        weights = [max(tie.likely[tie.names.index(name)], 1e-300) for name in (one, other)]
-        chances = [tie.chance_parted(self.apart[pair]) for pair in ((one, other), (other, one))]
+        tie = next(tie for tie in self.ties if {one, other} & set(tie.names))
+        likely = dict(zip(tie.names, tie.likely, strict=True))
+        pairs = [pair for pair in ((one, other), (other, one)) if pair in self.apart]
+        weights = [max(likely.get(true, 0.0), 1e-300) for true, _ in pairs]
+        chances = [tie.chance_parted(self.apart[pair]) for pair in pairs]
         return sum(w * p for w, p in zip(weights, chances, strict=True)) / sum(weights)
 
     def _chance(self, true: str, tie: TiedCauses) -> float:
-        return tie.chance_parted(min((self.apart[true, other] for other in tie.names if other != true), default=inf))
+        return tie.chance_parted(min((x for (one, _), x in self.apart.items() if one == true), default=inf))

@@ -5,9 +5,9 @@ did, and each cause of the tie, at the size it would need to look as the data do
 could imitate: d·√κ (docs/diagnosis.md). What of it is promised is in `promise`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 
@@ -23,16 +23,29 @@ from station.diagnosis.planning.suspects import (
     axes_of,
     shaped_like,
     suspects_of,
+    testable_causes,
     usual_candidates,
 )
 from station.diagnosis.search.finding import is_free_in_each_run
+from station.domain.recipe.blocks import Run
 from station.domain.recipe.recipe import Recipe
 
-#: Certainty that is enough, the gain that another run must bring, runs at most, those that may bring none on their own,
-#: and how many of those that the bound ranks first are simulated.
-SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS, MOST_IN_VAIN, SIMULATED = 0.95, 0.05, 4, 1, 3
+#: Certainty that is enough, the gain that another run must bring, runs at most and those that may bring none on their
+#: own.
+SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS, MOST_IN_VAIN = 0.95, 0.05, 4, 1
+#: How many of those that the bound ranks first are simulated for the first run, one less for each after it; one less
+#: again where units times positions are more than so many: a simulated diagnosis takes up to a second there.
+SIMULATED, LARGE_CAMPAIGN = 3, 96
+#: A run, and of how many positions.
+RunKind = tuple[Run, int]
+#: Runs that promise most alone: what is tried again after the first.
+MOST_KINDS = 4
+#: A chance below which another nest is planned for, where there was one alone; and the runs in it at most.
+LIKELY, MAX_RUNS_ELSEWHERE = 0.9, 2
 #: What the bound gives no more than this is not worth simulating.
 HOPELESS_CERTAINTY = 0.01
+#: d·√κ beyond which a cause that only the new runs can show is none that the true one could be taken for.
+CLEARLY_APART = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +53,7 @@ class Proposal:
     """One or more runs: the longer campaign, in words, how long the new runs take, and what they promise.
 
     chance: of simulated diagnoses, promised: the same by other sets than those it is chosen by; next_nest: whether the
-    plan reckons with each unit in the next nest."""
+    plan reckons with each unit in the next nest, another_nest: in one that nothing was measured in."""
 
     campaign: PlannedRuns
     change: str
@@ -49,6 +62,7 @@ class Proposal:
     chance: SimulatedChance | None = None
     promised: SimulatedChance | None = None
     next_nest: bool = False
+    another_nest: bool = False
 
     @property
     def recipe(self) -> Recipe:
@@ -87,39 +101,79 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
     """The best next run, or several, with the chance that simulated diagnoses give it; None where nothing of the menu
     separates any of the causes."""
     lines_up = [suspects_of(campaign, tie) for tie in ties]
-    now = PlannedRuns.measured(campaign.recipe)
-    best: Proposal | None = None
-    last: Proposal | None = None
-    in_vain = 0
-    for _ in range(MAX_RUNS):
-        rated = list(_up_to_certain(_rated_menu(campaign, now, lines_up, last)))
-        last = best_proposal([_simulated(campaign, p, lines_up) for p in _promising(rated)])
-        if last is None:
-            break
-        now = last.campaign
-        if best is None or last.certainty >= best.certainty + LEAST_GAIN:
-            best, in_vain = last, 0
-        else:
-            in_vain += 1
-        if best.certainty >= SUFFICIENT_CERTAINTY or in_vain > MOST_IN_VAIN:
-            break
+    best = _longer(campaign, lines_up, MAX_RUNS)
+    if campaign.in_one_nest and (best is None or best.certainty < LIKELY):
+        # What is a nest's and what is the rig's, no run in that nest tells.
+        other = _longer(replace(campaign, nests=2), lines_up, MAX_RUNS_ELSEWHERE)
+        if other is not None and (best is None or other.certainty > best.certainty + LEAST_GAIN):
+            best = replace(other, another_nest=True)
     if best is None or not best.separates:
         return None
     # What was chosen for its chance is promised by other sets than it was chosen by.
     return replace(best, chance=best.promised, next_nest=campaign.nests > 1)
 
 
-def _promising(rated: Sequence[Proposal]) -> list[Proposal]:
-    """Those of a menu that the bound ranks first."""
-    first = best_proposal(rated)
-    likely = sorted(rated, key=lambda p: -p.certainty)
-    every = {id(p): p for p in ([] if first is None else [first, *likely]) if p.certainty > HOPELESS_CERTAINTY}
-    return list(every.values())[:SIMULATED]
+def _longer(campaign: MeasuredCampaign, lines_up: Sequence[Suspects], runs: int) -> Proposal | None:
+    """The best of one run up to so many, by simulated diagnoses."""
+    now, kinds = PlannedRuns.measured(campaign.recipe), list[RunKind]()
+    best: Proposal | None = None
+    last: Proposal | None = None
+    in_vain = 0
+    most = SIMULATED if campaign.units * len(campaign.recipe.positions) <= LARGE_CAMPAIGN else SIMULATED - 1
+    for number in range(runs):
+        menu = _Menu(_rated_menu(campaign, now, lines_up, last, kinds))
+        least = HOPELESS_CERTAINTY if best is None else best.certainty + LEAST_GAIN / 2
+        last = menu.best_simulated(campaign, lines_up, least, most if number == 0 else most - 1)
+        if last is None:
+            break
+        now, kinds = last.campaign, kinds or menu.worth_trying()
+        if best is None or last.certainty >= best.certainty + LEAST_GAIN:
+            best, in_vain = last, 0
+        else:
+            in_vain += 1
+        if best.certainty >= SUFFICIENT_CERTAINTY or in_vain > MOST_IN_VAIN:
+            break
+    return best
+
+
+class _Menu:
+    """The runs that may be next, rated as far as they were looked at: the shortest first."""
+
+    def __init__(self, runs: Iterator[Proposal]) -> None:
+        self._runs = runs
+        self._rated: list[Proposal] = []
+
+    def best_simulated(
+        self, campaign: MeasuredCampaign, lines_up: Sequence[Suspects], least: float, most: int
+    ) -> Proposal | None:
+        """The best of so many that the bound ranks first, of those it gives more than the least chance; no further
+        than to one that is certain enough."""
+        found = dict[int, Proposal]()
+        while len(found) < most:
+            self._rated += _up_to_certain(self._runs)
+            first = best_proposal([p for p in self._rated if p.certainty > least and id(p) not in found])
+            if first is None:
+                break
+            found[id(first)] = simulated = _simulated(campaign, first, lines_up)
+            if simulated.certainty >= SUFFICIENT_CERTAINTY:
+                break
+        return best_proposal(list(found.values()))
+
+    def worth_trying(self) -> list[RunKind]:
+        """Of a whole menu the runs that alone promise most, and of each pair the shortest that parts it."""
+        self._rated += self._runs
+        likely = sorted(self._rated, key=lambda p: -p.certainty)[:MOST_KINDS]
+        pairs = {pair for p in self._rated for pair in p.promise.apart}
+        best = [
+            max(self._rated, key=lambda p: min(p.promise.apart.get(pair, 0.0), CLEARLY_APART)) for pair in sorted(pairs)
+        ]
+        return [_kind_of(p.campaign) for p in (*likely, *best)]
 
 
 def _simulated(campaign: MeasuredCampaign, proposal: Proposal, lines_up: Sequence[Suspects]) -> Proposal:
     """A proposal with the chance that simulated diagnoses give it."""
-    found = simulated_plan(campaign, proposal.campaign, lines_up)
+    new = {other for _, other in proposal.promise.apart} - {name for s in lines_up for name in s.members}
+    found = simulated_plan(campaign, proposal.campaign, lines_up, sorted(new))
     promise = replace(proposal.promise, simulated=found.parted)
     return replace(proposal, promise=promise, chance=found.chosen_by, promised=found.promised)
 
@@ -137,10 +191,17 @@ def _rated_menu(
     now: PlannedRuns,
     lines_up: Sequence[Suspects],
     before: Proposal | None,
+    kinds: Collection[RunKind] = (),
 ) -> Iterator[Proposal]:
-    """The runs of the menu, the shortest first."""
+    """The runs of the menu, the shortest first; kinds: none but these, where there are any."""
     for text, longer in sorted(run_menu(campaign, now), key=lambda choice: round(minutes_of(choice[1]))):
-        yield _rated(campaign, text, longer, lines_up, before)
+        if not kinds or _kind_of(longer) in kinds:
+            yield _rated(campaign, text, longer, lines_up, before)
+
+
+def _kind_of(longer: PlannedRuns) -> RunKind:
+    """What the last run of a longer campaign is, however long it dwells."""
+    return longer.recipe.runs[-1], len(longer.recipe.positions)
 
 
 def _up_to_certain(found: Iterator[Proposal]) -> Iterator[Proposal]:
@@ -170,21 +231,25 @@ def _separations(
 ) -> dict[TrueAndOther, float]:
     """d·√κ of the causes of each line-up, were one of two the true one, against the other."""
     plan = campaign.gone_on(longer)
-    apart: dict[TrueAndOther, float] = {}
+    apart, shown = dict[TrueAndOther, float](), testable_causes(plan)
     for suspects in lines_up:
-        usual = {name: usual_candidates(plan, name) for name in suspects.tie.names}
-        for shapes, (name, other) in _pairs_of(suspects):
+        new = [name for name in suspects.hidden if name in shown]
+        usual = {name: usual_candidates(plan, name) for name in (*suspects.tie.names, *new)}
+        for shapes, (name, other) in _pairs_of(suspects, new):
             shaped = [axes_of(plan, one, usual[name]) for one in shapes]
             each = []
             for one, axes in zip(shapes, shaped, strict=True):
                 others = [*usual[other], *shaped_like(plan, usual[other], one.effect)]
                 share = least_distinct_share(axes, [x for c, x in others if not is_free_in_each_run(c)])
                 each.append(one.size * axes.length * float(np.sqrt(share)))
-            apart[name, other] = suspects.tie.as_one(each, [one.share for one in shapes])
+            parted = suspects.tie.as_one(each, [one.share for one in shapes])
+            if other not in new or parted < CLEARLY_APART:
+                apart[name, other] = parted
     return apart
 
 
-def _pairs_of(suspects: Suspects) -> Iterator[tuple[tuple[CauseHypothesis, ...], TrueAndOther]]:
-    """Each cause at its shapes, were it the true one, beside each other of the tie."""
+def _pairs_of(suspects: Suspects, new: Sequence[str]) -> Iterator[tuple[tuple[CauseHypothesis, ...], TrueAndOther]]:
+    """Each cause at its shapes, were it the true one, beside each other of the tie and each that is new."""
     of = dict(zip(suspects.tie.names, suspects.causes, strict=True))
     yield from ((of[name], (name, other)) for name, other in permutations(suspects.tie.names, 2))
+    yield from ((of[name], (name, other)) for name, other in product(suspects.tie.names, new))

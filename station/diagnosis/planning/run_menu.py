@@ -18,7 +18,7 @@ from station.model.timeline import run_timeline
 SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
 #: What an axis feels on a face is none or all of the stimulus, to this share.
 FACE_TOLERANCE = 0.02
-SECOND_NEST = "once more in the next nest"
+SECOND_NEST, ANOTHER_NEST = "once more in the next nest", "once more in another nest"
 
 
 def minutes_of(runs: PlannedRuns) -> float:
@@ -31,7 +31,7 @@ def run_menu(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str
     """The campaign with one more run of each kind, the quickest to set up first."""
     turned, flipped = Turn(axis=(0, 0, 1), angle_deg=180), Turn(axis=(1, 0, 0), angle_deg=180)
     kinds: list[tuple[str, dict[str, Any], dict[str, Turn], bool]] = [
-        *([(SECOND_NEST, {}, {}, False)] if campaign.nests > 1 else []),
+        *([(ANOTHER_NEST if campaign.elsewhere else SECOND_NEST, {}, {}, False)] if campaign.nests > 1 else []),
         ("motors off", {"motors": "off"}, {}, False),
         ("reversed order", {"order": "reversed"}, {}, False),
         ("turned 180° in the seat", {"seating": "turned"}, {"turned": turned}, False),

@@ -44,7 +44,7 @@ class JudgedSets:
     evidence: dict[str, Floats]
     white: Floats
 
-    def of_rows(self, rows: slice) -> "JudgedSets":
+    def of_rows(self, rows: slice | Array) -> "JudgedSets":
         """Some of the sets."""
         return JudgedSets(self.candidates[rows], {n: e[rows] for n, e in self.evidence.items()}, self.white[rows])
 
@@ -94,7 +94,10 @@ class SimulatedDiagnosis:
         each = np.stack([judged.evidence[n] for n in causes])
         odds = np.exp(each - each.max(0))
         likely = odds[causes.index(other)] > (1 - CREDIBLE) * odds.sum(0)
-        return ~likely if other in self._free else np.asarray(~likely & self._apart(true, other, judged))
+        parted = np.asarray(~likely)
+        if other not in self._free and parted.any():
+            parted[parted] = self._apart(true, other, judged.of_rows(parted))
+        return parted
 
     def _apart(self, true: str, other: str, judged: JudgedSets) -> Array:
         """Which sets part the two by d·√κ."""

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
+from station.diagnosis.candidates.kernels import disturbed_readings
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import RARE_LEVELS, PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.promise import TiedCauses
@@ -20,12 +21,13 @@ MOST_SHAPES, LEAST_ODDS = 4, 0.1
 @dataclass(frozen=True, slots=True)
 class CauseHypothesis:
     """A cause that it may be: at its shape, its level and the rms of its coefficients; its share of the chance that it
-    is the cause at all, the rest being other shapes of it."""
+    is the cause at all, the rest being other shapes of it; free: whether it leaves any reading, not its effect's."""
 
     effect: Effect
     of: str
     size: float
     share: float = 1.0
+    free: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +48,13 @@ CandidateAxes = tuple[Candidate, SignatureAxes]
 @dataclass(frozen=True, slots=True)
 class Suspects:
     """The causes of a tie, the one found first, each at the shapes at which it would look like the data; how likely
-    each is; and all members of the tie, those without a course too."""
+    each is; all members of the tie, those without a course too; and hidden: causes that the readings so far could not
+    show, which those of a longer campaign may be tied with."""
 
     causes: tuple[tuple[CauseHypothesis, ...], ...]
     tie: TiedCauses
     members: tuple[str, ...]
+    hidden: tuple[str, ...] = ()
 
 
 def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
@@ -67,11 +71,14 @@ def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
         if every:
             # Of those that look alike the one of fewest coefficients: what others could be is not what they are.
             like, axes = min(every, key=lambda pair: (round(distinct_share(found, pair[1]), 1), pair[1].m.shape[-1]))
-            alike = CauseHypothesis(like.effect or tie.found.effect, like.of, _size_of(strength, axes))
+            effect = like.effect or library_effect(plan, other)
+            assert effect is not None
+            alike = CauseHypothesis(effect, like.of, _size_of(strength, axes), free=like.effect is None)
             out.append(_likely_shapes(alike, found, every, strength))
     names = tuple(shapes[0].effect.id for shapes in out)
     members = (tie.found.effect.id, *tie.others)
-    return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability), members)
+    hidden = tuple(name for name in campaign.hidden if name not in members)
+    return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability), members, hidden)
 
 
 def _likely_shapes(
@@ -107,11 +114,23 @@ def usual_candidates(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:
 def usual_shapes(plan: PlannedCampaign, name: str) -> list[Candidate]:
     """The same without the axes; a variance of the floor has neither shape nor level."""
     view = plan.problem.view
-    effect = next((e for e in cause_library(view.scene.recipe) if e.id == name), None)
+    effect = library_effect(plan, name)
     if effect is None or not is_testable(effect, view):
         return []
+    free = [c for c in disturbed_readings(view) if c.name == name]
     usual = [c for c in candidates(effect, view) if c.of not in RARE_LEVELS or c.of == effect.of[0]]
-    return usual + [plan.at_form(c, shape) for c in {c.of: c for c in usual}.values() for shape in _more_forms(effect)]
+    shaped = [plan.at_form(c, shape) for c in {c.of: c for c in usual}.values() for shape in _more_forms(effect)]
+    return [*free, *usual, *shaped]
+
+
+def library_effect(plan: PlannedCampaign, name: str) -> Effect | None:
+    """A cause of the library that acts in this recipe; None where it has no course or does not."""
+    return next((e for e in cause_library(plan.problem.view.scene.recipe) if e.id == name), None)
+
+
+def testable_causes(plan: PlannedCampaign) -> list[str]:
+    """Ids of the causes that a campaign could show."""
+    return [e.id for e in cause_library(plan.problem.view.scene.recipe) if is_testable(e, plan.problem.view)]
 
 
 def _more_forms(effect: Effect) -> Iterator[Effect]:
@@ -143,4 +162,7 @@ def axes_of(plan: PlannedCampaign, suspect: CauseHypothesis, usual: Sequence[Can
 
 def suspect_candidate(plan: PlannedCampaign, suspect: CauseHypothesis, usual: Sequence[Candidate]) -> Candidate:
     """A suspect as a candidate of the planned campaign, at its level if there is one."""
-    return plan.at_form(next((c for c in usual if c.of == suspect.of), usual[0]), suspect.effect)
+    alike = [c for c in usual if (c.effect is None) == suspect.free] or usual
+    chosen = next((c for c in alike if c.of == suspect.of), alike[0])
+    # One that may read anything has no shape.
+    return chosen if chosen.effect is None else plan.at_form(chosen, suspect.effect)
