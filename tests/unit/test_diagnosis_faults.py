@@ -156,6 +156,18 @@ def test_an_offset_beside_which_nothing_changes_is_no_tumble() -> None:
         diagnosis_of(RECIPE, replace(made, reading=made.reading + 1.3e11))
 
 
+@pytest.mark.parametrize("step", [0.7, 1.3, 2.0, 3.0])
+def test_steps_as_coarse_as_the_noise_hide_no_clipping_and_are_none(step: float) -> None:
+    """step: in noises of a reading. Whole stops at one extreme are clipped, unless any stop may be at one code."""
+    lsb = step * 1e-4 * np.sqrt(25.0 / 2)
+    coarse = recipe(1).model_copy(update={"device": recipe(1).device.model_copy(update={"lsb": float(lsb)})})
+    made, _ = hide(recipe(1), None, 900, units=4)
+    cut = np.where((made.unit.code == 1)[:, None], np.clip(made.reading, -0.82, 0.82), made.reading)
+    for reading, clips in ((made.reading, False), (cut, step < 2)):
+        faults = found(replace(made, reading=np.round(reading / lsb) * lsb), coarse)
+        assert ("clipping" in faults) == clips
+
+
 def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
     made = table()
     made = replace(made, reading=np.clip(made.reading, -0.55, 0.55))

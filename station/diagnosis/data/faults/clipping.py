@@ -17,6 +17,9 @@ from station.domain.recipe.recipe import Recipe
 #: Share of a stop's samples at the extreme from which it is clipped, and share at the commonest value from which
 #: nothing can be said because every stop looks like that.
 CLIPPED_SHARE, COMMON_SHARE = 0.3, 0.15
+#: Up to this share, which steps of 1.45 noises make, a stop is clipped where nearly all of so many samples are at the
+#: extreme: no noise puts more than half of them into one step.
+COARSE_SHARE, WHOLE_SHARE, MIN_WHOLE_SAMPLES = 0.4, 0.9, 16
 #: Where no step of the output is known readings are told apart to this share of their noise.
 RESOLUTION_SHARE = 1e-3
 #: Samples that must be clipped.
@@ -59,8 +62,9 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     repeat = _repeat_share(reading, where, np.asarray(~hit.any(axis=0)))
     if np.isfinite(repeat).any():  # an axis that only ever stands at one of two ends is judged by the others
         repeat = np.where(np.isnan(repeat) & (extremes[0] < extremes[1]), np.nanmedian(repeat), repeat)
-    noisy = repeat < COMMON_SHARE
-    found = hit.any(axis=1) & noisy
+    noisy = repeat < COARSE_SHARE
+    whole = (share > WHOLE_SHARE) & (share * count >= MIN_WHOLE_SAMPLES)
+    found = np.where(repeat < COMMON_SHARE, hit.any(axis=1), (hit & whole).any(axis=1)) & noisy
     # What reaches a limit of the unit and seldom stands there is cut off by the same.
     size = np.abs(extremes)
     equal = np.isclose(size[..., None], size[found], rtol=1e-9, atol=0.0).any(axis=-1)
