@@ -219,9 +219,12 @@ def test_another_spelling_of_its_law_takes_the_place_of_no_cause() -> None:
 def test_a_formula_that_takes_the_place_of_causes_says_on_what_the_rest_depends(found: Diagnosis) -> None:
     formula = found.hypotheses
     assert formula is not None and formula.covariates
-    doubtful = replace(formula, complete=False)
-    assert doubtful.words_of_rest(()) == formula.words_of_rest(("order",)) == formula.covariates
-    assert doubtful.words_of_rest(("order",)) == ("order",)
+    own, doubtful = formula.covariates, replace(formula, complete=False)
+    assert doubtful.words_of_rest(()) == formula.words_of_rest(()) == formula.words_of_rest((own[0], "group")) == own
+    assert doubtful.words_of_rest((own[0], "group")) == (own[0], "group")
+    # A kernel and a formula that have no covariate in common: one of them is wrong, and nobody knows which.
+    assert formula.words_of_rest(("group",)) == (*own, "group")
+    assert doubtful.words_of_rest(("group",)) == ("group", *own)
 
 
 def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whole_grammar() -> None:

@@ -51,6 +51,16 @@ FACTORS = ("time", "temperature", "motor", "order", "input", "position")
 #: units and of nests that change at any visit (`search/hidden_state.py`).
 RIPPLE, STATE, NEST_STATE = "time*dwell-phase/ripple", "time/state", "time*input/state"
 STATES = (STATE, NEST_STATE)
+#: Kernels of laws of one coefficient an axis (`search/narrow_laws.py`), by what those depend on.
+LAWS = tuple(
+    f"{words}/law"
+    for words in (
+        *("time", "temperature", "input", "order", "motor", "order*input", "position*input"),
+        *("temperature*time", "temperature*motor", "time*motor"),
+        *("time*input", "temperature*input", "motor*input", "time*order", "temperature*order", "motor*order"),
+        *("temperature*time*input", "temperature*motor*input", "time*motor*input"),
+    )
+)
 #: All kernels.
 KERNEL_NAMES = (
     *COVARIATES,
@@ -61,6 +71,7 @@ KERNEL_NAMES = (
     "dwell-phase/fading",
     RIPPLE,
     *STATES,
+    *LAWS,
 )
 #: Waves of the slow and of the fast kernel of time, half periods in a run.
 HALF_WAVES = (range(1, 4), range(1, 11))
@@ -108,6 +119,11 @@ def covariates_of(name: str) -> tuple[str, ...]:
     return tuple(name.split("/", maxsplit=1)[0].split("*"))
 
 
+def law_kernel(covariates: tuple[str, ...]) -> str:
+    """The kernel of laws that depend on those."""
+    return f"{'*'.join(covariates)}/law"
+
+
 def acts_by(effect: Effect | type[Effect]) -> str:
     """The word of `unknown.depends_on` for what a cause acts by."""
     return _ACTS_BY.get(effect.drawn_over, "input")
@@ -120,7 +136,7 @@ def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
     visits = view.scene.visits
     tilt, base = (view.signature(cause.example(), "common")[0] for cause in (NestTilt, BaseTilt))
     nests = ["nest"] if view.scene.is_recorded("nest") else []
-    moved = visits.seat_R.transpose(0, 2, 1)
+    moved, turned = visits.seat_R.transpose(0, 2, 1), np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6
     for name, functions in _factors(view).items():
         if name in ("order", "input"):
             continue
@@ -129,7 +145,9 @@ def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
         # The base may lean, and come back.
         yield from kernels_at(view, f"{name}*input", np.concatenate([base * x, base * bent], axis=2), "common")
         if name != "motor":
-            yield kernel(f"{name}*position", "position", view, StopColumns.in_bank(view, moved * x))
+            # In the nest's frame, as what turns with it, and in the device's, as what is read of it.
+            for frame in (moved, np.eye(3))[: 1 + turned]:
+                yield kernel(f"{name}*position", "position", view, StopColumns.in_bank(view, frame * x))
 
 
 def _time(view: ResidualView) -> Iterator[Candidate]:

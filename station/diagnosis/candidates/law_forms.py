@@ -7,6 +7,7 @@ from itertools import chain, combinations, product
 import numpy as np
 
 from station.diagnosis.candidates.motion_kernels import remembered
+from station.diagnosis.candidates.motion_laws import motion_laws
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Array, Floats
@@ -22,6 +23,10 @@ SWITCHES, BENDS, PERIODS = (
 BUMPS, BUMP_SHARE = (0.25, 0.4, 0.55, 0.7), 0.13
 #: Steps of a compensation over the whole range of temperature, and where in a step it may begin.
 STAIRS, BEGINS = (2.0, 2.25, 2.5, 2.8, 3.15, 3.5, 3.95, 4.4, 5.0), (0.0, 0.25, 0.5, 0.75)
+#: Shares of a run at which something may begin that dies away, and after which a third of it is left.
+SHOCKS, DECAYS = tuple(share / 12 for share in range(12)), (0.04, 0.12, 0.35)
+#: Shares of the whole campaign after which a third is left of what dies away in it.
+FADES = (0.08, 0.25)
 #: Levels of the motors between which something may switch, at most.
 MAX_LEVELS = 24
 #: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
@@ -60,6 +65,9 @@ def laws_of_view(view: ResidualView) -> Iterator[Law]:
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
     yield from chain(_memories(view), _campaign(view), _stairs(view), _visits_before(view, a, step))
     yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
+    yield from chain(_shocks(view), _heat_flows(view, a))
+    plain = {name: of.plain for name, of in curves.items()}
+    yield from ((name, tuple(map(on_every_axis, parts))) for name, parts in motion_laws(view, plain))
 
 
 def _stimulus(view: ResidualView) -> Floats:
@@ -87,7 +95,9 @@ def curves_by_covariate(view: ResidualView) -> Iterator[tuple[str, Curves]]:
         between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
         chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
         bent = (np.sqrt(np.abs(motor)), motor, motor**3)
-        yield "motor", Curves(_from_zero(motor), bent, tuple(centred_values(motor > level) for level in chosen))
+        switched = tuple(centred_values(motor > level) for level in chosen)
+        # A part of the rig may resonate at one speed.
+        yield "motor", replace(_curves_of(motor, _from_zero(motor)), bent=bent, switched=switched, waves=())
 
 
 def _curves_of(x: Floats, plain: Floats) -> Curves:
@@ -149,6 +159,36 @@ def _memories(view: ResidualView) -> Iterator[Law]:
     for lag in LAGS:
         behind = memory.temperature_degC - memory.lagged(lag)
         yield "temperature", (plain, on_every_axis(behind / memory.range_degC))
+
+
+def _shocks(view: ResidualView) -> Iterator[Law]:
+    """What is there at once at some time of a run, and dies away."""
+    t = view.scene.time_s
+    share = (t - t.min()) / max(float(np.ptp(t)), 1e-300)
+    for begun, decay in product(SHOCKS, DECAYS):
+        yield "time", (on_every_axis((share >= begun) * np.exp(-np.maximum(share - begun, 0.0) / decay)),)
+
+
+def _heat_flows(view: ResidualView, a: Floats) -> Iterator[Law]:
+    """A gain that is another while the temperature rises, and heat that flows up through a part: what one axis feels
+    says which side lies below."""
+    rate = view.scene.temperature_rate
+    if rate is None or not np.ptp(rate):
+        return
+    flow = _from_zero(rate)
+    for form in (flow, np.sign(rate), centred_values(rate)):
+        yield "temperature*input", (on_every_axis(form) * a,)
+    yield from (("temperature*input", (on_every_axis(flow * side),)) for side in a.T)
+
+
+def fades_of_campaign(view: ResidualView) -> list[Floats]:
+    """What dies away (v) over all runs of the campaign, or over the one run there is: stress that is let go, glue that
+    hardens."""
+    clock = view.scene.time_s if view.scene.started_s is None else view.scene.started_s + view.scene.time_s
+    if not np.ptp(clock):
+        return []
+    share = (clock - clock.min()) / np.ptp(clock)
+    return [np.exp(-share / fade) for fade in FADES]
 
 
 def _campaign(view: ResidualView) -> Iterator[Law]:
@@ -242,5 +282,7 @@ def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
         ("order", (form,)) for form in (way, way * np.minimum(size, PLAY), way * np.sqrt(size), step * size, size)
     )
     yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
+    before = a + step
+    yield "order*input", (np.roll(before, 1, axis=1) * a, np.roll(before, 2, axis=1) * a)
     move = on_every_axis(np.linalg.norm(step, axis=1))
     yield from (("order", (form,)) for form in (move, step * move, way * move))

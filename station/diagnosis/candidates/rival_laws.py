@@ -20,6 +20,7 @@ from station.diagnosis.candidates.law_forms import (
     Law,
     centred_values,
     curves_by_covariate,
+    fades_of_campaign,
     laws_of_view,
     on_every_axis,
     steps_of_stimulus,
@@ -33,6 +34,7 @@ from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Floats
 from station.model.effect import Effect
 from station.model.effects.nest_tilt import NestTilt
+from station.model.forward import resting_stimulus
 
 #: Levels that are labels of the visits.
 LABELS = ("nest", "station", "lot", "operator")
@@ -44,6 +46,8 @@ DWELL_BEGUN = (0.0, 0.6)
 FADES, MOST_STARTS = (1.5, 4.0, 10.0), 4
 #: Visits after which what came at one is gone at once.
 STAYS = (2.5, 4.5, 8.5)
+#: An axis that feels less than this share of the stimulus lies level.
+LEVEL = 1e-6
 #: So many times such a fade, what began has died away.
 REACH = 3.0
 #: What the name of a law begins with; its covariates follow.
@@ -93,15 +97,26 @@ def _straight(view: ResidualView) -> Iterator[Law]:
 
 
 def _tilts(view: ResidualView) -> Iterator[Candidate]:
-    """A nest that turns with a covariate, straight or at once, whatever else was found."""
+    """A nest that turns with a covariate, straight or at once, or by its own weight, whatever else was found."""
     tilt = NestTilt.example()
     if not view.scene.recipe.pose_known:
         return
-    curves = dict(curves_by_covariate(view))
+    curves, weight = dict(curves_by_covariate(view)), _weight_in_nest(view)
     for one in candidates(tilt, view):
+        for x in weight:
+            yield _law_of(one, "position*input", StopColumns.of(one.stop * x[:, None, None]))
         for name, of in curves.items():
             for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]):
                 yield _law_of(one, f"{name}*input", StopColumns.of(one.stop * x[:, None, None]))
+
+
+def _weight_in_nest(view: ResidualView) -> list[Floats]:
+    """What each axis of the nest feels (v), its size, and its side where it is slack; none where it is always alike."""
+    visits = view.scene.visits
+    felt = np.einsum("vij,vj->iv", visits.seat_R, resting_stimulus(view.scene, view.active))
+    felt = felt / max(float(np.abs(felt).max()), 1e-300)
+    forms = [form for g in felt for form in (g, np.abs(g), np.where(np.abs(g) > LEVEL, np.sign(g), 0.0))]
+    return [form for form in forms if np.ptp(form) > LEVEL]
 
 
 def _swings(view: ResidualView) -> Iterator[Law]:
@@ -131,18 +146,18 @@ def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
 def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
     """A cause that changes with a covariate: a course within the dwells that does, or grows with the move before it;
     and whatever stands still in a dwell, of one size at first."""
-    curves = {name: of.plain for name, of in curves_by_covariate(view)}
+    curves = [(name, of.plain) for name, of in curves_by_covariate(view)]
     stop, dwell = cause.stop, cause.dwell
     if dwell is not None:
         size = np.linalg.norm(steps_of_stimulus(view), axis=1)
-        for name, x in {**curves, "order": size}.items():
+        for name, x in (*curves, ("order", size)):
             changed = StopColumns.of(stop * x[:, None, None], dwell * x[:, None, None, None])
             law = _law_of(cause, f"dwell-phase*{name}", changed)
             yield from _of_each(law, view)
     elif cause.effect is not None and cause.pattern != "scan":
         word = acts_by(cause.effect)
         # What follows the temperature and changes with it is a cause of the library of another degree.
-        for name, x in curves.items():
+        for name, x in (*curves, *(("time", x) for x in fades_of_campaign(view))):
             if name == word == "temperature":
                 continue
             also = stop * x[:, None, None]

@@ -16,6 +16,7 @@ from station.diagnosis.data.reduce import ReducedScene, reduce_samples
 from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
+from station.diagnosis.results.confounded_covariates import with_confounded
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
 from station.diagnosis.search.cause_search import SearchResult, search_causes
@@ -167,7 +168,7 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
 def _with_doubts(d: Diagnosis) -> Diagnosis:
     """The diagnosis with what depends on something that an unlikely cause does not follow: its name is not all."""
     words = (*d.depends_on, *(word for cause in d.causes for word in cause.finding.doubts))
-    return replace(d, depends_on=tuple(dict.fromkeys(words)))
+    return replace(d, depends_on=with_confounded(tuple(dict.fromkeys(words)), d.last.view))
 
 
 def _not_testable(inspected: Inspection, searched: SearchResult) -> tuple[str, ...]:
@@ -214,10 +215,12 @@ def _remainder(searched: SearchResult, faults: tuple[GrossFault, ...], causes: t
     """On what depends that which no accepted cause explains: a kernel that is left, or the kernels that follow an alarm
     whose cause gains nothing that held-out data confirm, or what such a cause itself acts by."""
     unconfirmed = [f.effect for f in faults if f.gain is None]
-    if searched.words or not searched.findings or any(cause.gain.accepted for cause in causes):
+    if not searched.findings or any(cause.gain.accepted for cause in causes):
         return tuple(dict.fromkeys((*searched.words, *map(_acts_by, unconfirmed))))
+    # What was left beside causes of which none stands says less than what there was before them.
+    words = tuple(dict.fromkeys((*searched.findings[0].covariates, *searched.words)))
     unconfirmed += [cause.finding.name for cause in causes]
-    return searched.findings[0].covariates or tuple(dict.fromkeys(map(_acts_by, unconfirmed)))
+    return words or tuple(dict.fromkeys(map(_acts_by, unconfirmed)))
 
 
 def _acts_by(effect_id: str) -> str:

@@ -54,8 +54,13 @@ class Hypotheses:
 
     def words_of_rest(self, left: tuple[str, ...]) -> tuple[str, ...]:
         """On what that depends which no cause explains, where the words before the formula were `left`: it may stand in
-        the place of causes that left nothing."""
-        return self.covariates if self.complete or not left else left
+        the place of causes that left nothing. Where it shares no covariate with them, one of the two is wrong; nothing
+        here says which, so both are said."""
+        own = self.covariates
+        if not left or (self.complete and set(own) & set(left)):
+            return own
+        both = (*own, *left) if self.complete else (*left, *own)
+        return left if set(own) & set(left) else tuple(dict.fromkeys(both))
 
 
 def propose_formula(

@@ -9,7 +9,7 @@ The best of hundreds of laws is ahead by chance, too, the more often the more of
 the cause and noise alone bring it as far is told by sets of such readings, drawn anew.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -119,8 +119,9 @@ def _coming_on(cause: Candidate, bare: ScoringProblem, floor: NoiseFloor) -> Ite
 
 def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[RivalLaws]:
     """What dies away over several visits in place of single ones that are wrong, or of jumps that stay: of all of them
-    in one run together, as a jump and one back are a part of it each."""
+    in one run together, as a jump and one back are a part of it each; and one that does so in every run."""
     begun = [list(fading_laws(cause, problem.view)) for cause in problem.accepted]
+    leads = list[dict[str, float]]()
     for groups, (alone, *courses) in begun[i]:
         near = {
             j: [laws for _, laws in found if _in_one_run(laws[0], alone, problem.view)]
@@ -137,6 +138,18 @@ def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[Riva
         if alone.name in ranks:
             own = ranks.pop(alone.name).evidence
             yield _rivals(ranks, own + float(np.log(len(courses))))
+            leads.append({law.name: ranks[law.name].evidence - own for law in courses if law.name in ranks})
+    yield _in_every_run(leads)
+
+
+def _in_every_run(leads: Sequence[Mapping[str, float]]) -> RivalLaws:
+    """What dies away, or ends, alike in each of some runs, by how many nats it is ahead in each; one law of all."""
+    alike = set[str]().union(*leads) if len(leads) > 1 else set()
+    each = {name: sum(lead.get(name, -PROMISING_NATS) for lead in leads) for name in alike}
+    if not each:
+        return RivalLaws(-np.inf, ())
+    best = max(each, key=lambda name: each[name])
+    return RivalLaws(each[best] - float(np.log(len(each))), covariates_of_law(best))
 
 
 def _in_one_run(law: Candidate, other: Candidate, view: ResidualView) -> bool:

@@ -16,6 +16,7 @@ from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.finding import CauseFinding, cause_finding
 from station.diagnosis.search.first_look import sampled_look
 from station.diagnosis.search.hidden_state import find_states
+from station.diagnosis.search.narrow_laws import find_laws
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import (
     RankedCause,
@@ -124,10 +125,12 @@ class CauseSearch:
         banks = tuple(s.bank for s in state.now.projected)
         ranks = rank_causes(state.problem, banks, state.around, generic.KERNEL_NAMES)
         ranks |= floor_causes(state.problem, state.now)
-        # A state follows whatever moves a unit's axes together: what is evident comes before it, and it is asked again.
+        # A state follows whatever moves a unit's axes together, and one of many laws nearly any cause: what is evident
+        # comes before them, and they are asked again.
         evident = any(r.evidence >= EVIDENT_NATS for r in ranks.values())
-        for name in (generic.RIPPLE,) if evident else (generic.RIPPLE, *generic.STATES):
-            ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
+        for name in (generic.RIPPLE,) if evident else (generic.RIPPLE, *generic.STATES, *generic.LAWS):
+            if name in state.evidence:
+                ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
         ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
         return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
 
@@ -141,7 +144,7 @@ class CauseSearch:
 
 def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
     """What no column of the bank shows, under its name as a kernel."""
-    return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor)}
+    return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor), **find_laws(problem, floor)}
 
 
 def _drop_undetectable(

@@ -1,0 +1,116 @@
+"""Laws of one coefficient an axis, by themselves: a wide kernel pays for every direction of it, and a law that is weak
+for so many of them may be plain in one.
+
+What the readings leave under the floor is white, so that the best of many laws is judged by its own distribution: of n
+free numbers the share R² that K columns explain leaves 1 − R² as Beta((n − K)/2, K/2), as often as there are laws. How
+large a healthy walk is the readings hardly tell: what the largest one makes of a law speaks for none.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
+from station.diagnosis.candidates.kernels import law_kernel
+from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.linear.evidence import log_mean_exp
+from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.unseen import Unseen
+from station.domain.core.types import Floats
+
+#: Units and visits of the longest run in which laws are looked for: more show what they do to wide kernels, too.
+MOST_UNITS, MOST_VISITS = 24, 120
+#: Laws whose columns are held together.
+AT_ONCE = 128
+#: Sizes of a law's variance beside the noise over which its evidence is averaged.
+RATIOS = np.geomspace(0.03, 300.0, 20)
+#: A direction that keeps less than this share of its squares beside what is known is lost in it.
+LEAST_SHARE = 1e-6
+
+
+class _Explained(NamedTuple):
+    """Of some laws: log evidence, and how often noise explains as much."""
+
+    nats: Floats
+    chance: Floats
+
+
+def find_laws(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
+    """What laws explain of the readings under a floor, under the names of their kernels; none of fleets and of long
+    runs."""
+    view = problem.view
+    if view.grid.units > MOST_UNITS or view.grid.slot.shape[2] > MOST_VISITS:
+        return {}
+    spaces = [problem.space(at, moving=False) for at in _floors(problem, floor)]
+    laws = list(rival_laws(view))
+    if not laws or not all(space.residual.any() for space in spaces):
+        return {}
+    found = [_explained(problem, some, spaces, floor) for some in _parts(laws)]
+    nats, chance = (np.concatenate(each) for each in zip(*found, strict=True))
+    names, shown = np.array([law_kernel(covariates_of_law(law.name)) for law in laws]), np.isfinite(nats)
+    of_name = {str(name): shown & (names == name) for name in np.unique(names[shown])}
+    return {
+        name: Unseen.of(float(log_mean_exp(nats[some])), float(chance[some].min()) * len(laws))
+        for name, some in of_name.items()
+    }
+
+
+def _parts(laws: list[Candidate]) -> Iterator[list[Candidate]]:
+    yield from (laws[first : first + AT_ONCE] for first in range(0, len(laws), AT_ONCE))
+
+
+def _floors(problem: ScoringProblem, floor: NoiseFloor) -> Iterator[NoiseFloor]:
+    """The floor, and the same with the largest walk that a healthy one may have."""
+    yield floor
+    most = float(np.sqrt(problem.upper[2]))
+    if floor.walk < most < np.inf:
+        yield NoiseFloor(floor.noise, floor.turn, most)
+
+
+def _explained(
+    problem: ScoringProblem, laws: Sequence[Candidate], spaces: Sequence[ResidualSpace], floor: NoiseFloor
+) -> _Explained:
+    """What each law explains in the space that speaks least for it."""
+    bank = build_bank(laws, problem.view.layout, moving=False)
+    rows = bank.rows(problem.view.layout, slice(0, problem.view.grid.units))
+    length = np.sum(rows.stop**2, axis=(0, 1, 2)) / floor.noise**2
+    each = [_in_space(bank, space.project(rows), length, space) for space in spaces]
+    return _Explained(np.min([x.nats for x in each], axis=0), np.max([x.chance for x in each], axis=0))
+
+
+def _in_space(bank: Bank, columns: Floats, length: Floats, space: ResidualSpace) -> _Explained:
+    """What each law of a bank explains, whose white columns (U, M, C) are of such a length (C) before."""
+    pairs = zip(bank.candidates, bank.place, strict=True)
+    each = [_squares(columns[..., at], length[at], space, own=law.pattern == "own") for law, at in pairs]
+    squares, numbers = (np.array(x, float) for x in zip(*each, strict=True))
+    share = np.minimum(squares / space.rest, 1 - 1e-9)
+    shown = (numbers > 0) & (numbers < space.dof)
+    free = np.where(shown, space.dof - numbers, 1.0)
+    chance = scipy.special.betainc(free / 2, np.maximum(numbers, 1) / 2, 1 - share)
+    grown = (RATIOS / (1 + RATIOS))[:, None]
+    nats = -0.5 * space.dof * np.log1p(-grown * share) - 0.5 * numbers * np.log1p(RATIOS)[:, None]
+    return _Explained(np.where(shown, log_mean_exp(nats.T), -np.inf), np.where(shown, chance, 1.0))
+
+
+def _squares(columns: Floats, length: Floats, space: ResidualSpace, *, own: bool) -> tuple[float, int]:
+    """Squares that white columns (U, M, c) explain, of each unit on its own or all together, and how many directions
+    of them are seen."""
+    known, residual = space.shared_basis, space.residual
+    along, border = columns.swapaxes(1, 2) @ residual[..., None], columns.swapaxes(1, 2) @ known
+    normal = columns.swapaxes(1, 2) @ columns
+    if not own:
+        along, border, normal = (x.sum(0, keepdims=True) for x in (along, border, normal))
+    if known.shape[2]:
+        U, c = normal.shape[:2]
+        whole = np.zeros((U, c, U, c))
+        whole[np.arange(U), :, np.arange(U)] = normal
+        flat = border.reshape(U * c, -1)
+        normal, along = (whole.reshape(U * c, -1) - flat @ flat.T)[None], along.reshape(1, U * c, 1)
+    m, E = np.linalg.eigh(normal)
+    seen = m > LEAST_SHARE * length.max(initial=0.0)
+    u = (E.swapaxes(1, 2) @ along)[..., 0]
+    return float(np.sum(np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0))), int(np.count_nonzero(seen))

@@ -1,0 +1,83 @@
+"""Laws of one coefficient an axis are judged by what they explain of white readings, and found where wide kernels are
+not; what noise and a healthy walk do is none."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from station.diagnosis.candidates.kernels import LAWS, law_kernel
+from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.search import narrow_laws
+from station.diagnosis.search.narrow_laws import find_laws
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import SampleTable
+from station.model.model_file import Model
+from tests.blind.bench import FULL, WHITE, Scaled, World, hide
+from tests.blind.recipes import recipe, six_faces
+
+
+def _problem(table: SampleTable) -> ScoringProblem:
+    return initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+
+
+@pytest.fixture(scope="module")
+def quiet() -> ScoringProblem:
+    return _problem(hide(recipe(), None, 61, units=2, floor=WHITE)[0])
+
+
+def test_every_law_is_one_of_a_kernel(quiet: ScoringProblem) -> None:
+    names = {law_kernel(covariates_of_law(law.name)) for law in rival_laws(quiet.view)}
+    assert names <= set(LAWS)
+    assert {"order/law", "time*order/law", "position*input/law"} <= names
+
+
+def test_what_a_law_explains_is_what_least_squares_leave_less(quiet: ScoringProblem) -> None:
+    floor, laws = quiet.fit().floor, list(rival_laws(quiet.view))[::97]
+    space = quiet.space(floor, moving=False)
+    found = narrow_laws._explained(quiet, laws, [space], floor)
+    bank = narrow_laws.build_bank(laws, quiet.view.layout, moving=False)
+    rows = space.project(bank.rows(quiet.view.layout, slice(0, 2)))
+    known = space.shared_basis.reshape(space.residual.size, -1)
+    for i, (law, at) in enumerate(zip(laws, bank.place, strict=True)):
+        columns = rows[..., at]
+        if law.pattern == "own":
+            U, M, c = columns.shape
+            columns = np.einsum("umc,uw->umwc", columns, np.eye(U)).reshape(U, M, U * c)
+        flat = columns.reshape(space.residual.size, -1)
+        flat = flat - known @ (known.T @ flat)
+        y = space.residual.ravel()
+        left = y - flat @ np.linalg.lstsq(flat, y, rcond=1e-6)[0]
+        share = 1 - float(left @ left) / float(y @ y)
+        a, b = (space.dof - flat.shape[1]) / 2, flat.shape[1] / 2
+        assert found.chance[i] == pytest.approx(narrow_laws.scipy.special.betainc(a, b, 1 - share), rel=1e-6)
+
+
+def _changes_sign(w: World, rng: Scaled) -> tuple[Any, Any]:
+    """Every second visit is off to the other side, the later the more."""
+    sign = np.where(w.visit % 2, 1.0, -1.0) * w.t / w.t.max()
+    return w.a, sign[:, None] * rng.amplitude(1e-4, (2, 3))[w.unit]
+
+
+def test_a_law_that_no_wide_kernel_follows_is_found() -> None:
+    problem = _problem(hide(recipe(), _changes_sign, 62, units=2, d=11.0, floor=FULL)[0])  # type: ignore[arg-type]
+    found = find_laws(problem, problem.fit().floor)
+    assert found["time*order/law"].surprise == max(f.surprise for f in found.values()) > 4.0
+
+
+def test_noise_and_a_healthy_rig_are_no_law() -> None:
+    for seed in range(4):
+        problem = _problem(hide(recipe(), None, seed, units=2, floor=FULL)[0])
+        # Noise goes beyond this in one of 10,000 sets.
+        assert max(f.surprise for f in find_laws(problem, problem.fit().floor).values()) < 4.0
+
+
+def test_six_visits_that_what_is_known_takes_up_show_no_law() -> None:
+    """Of one unit on six faces laws of two phases have as many numbers as are left."""
+    faces = six_faces("listed")
+    table, _ = hide(faces, None, 3, units=1, floor=WHITE)
+    problem = initial_problem(reduce_samples(faces, table), FloorAllowance.of(faces, Model()))
+    found = find_laws(problem, problem.fit().floor)
+    assert all(np.isfinite(f.nats) and f.surprise < 4.0 for f in found.values())
