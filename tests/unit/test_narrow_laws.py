@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
+from station.diagnosis.candidates.bank import build_bank
 from station.diagnosis.candidates.kernels import LAWS, law_kernel
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
 from station.diagnosis.data.reduce import reduce_samples
@@ -38,7 +40,7 @@ def test_what_a_law_explains_is_what_least_squares_leave_less(quiet: ScoringProb
     floor, laws = quiet.fit().floor, list(rival_laws(quiet.view))[::97]
     space = quiet.space(floor, moving=False)
     found = narrow_laws._explained(quiet, laws, [space], floor)
-    bank = narrow_laws.build_bank(laws, quiet.view.layout, moving=False)
+    bank = build_bank(laws, quiet.view.layout, moving=False)
     rows = space.project(bank.rows(quiet.view.layout, slice(0, 2)))
     known = space.shared_basis.reshape(space.residual.size, -1)
     for i, (law, at) in enumerate(zip(laws, bank.place, strict=True)):
@@ -52,7 +54,7 @@ def test_what_a_law_explains_is_what_least_squares_leave_less(quiet: ScoringProb
         left = y - flat @ np.linalg.lstsq(flat, y, rcond=1e-6)[0]
         share = 1 - float(left @ left) / float(y @ y)
         a, b = (space.dof - flat.shape[1]) / 2, flat.shape[1] / 2
-        assert found.chance[i] == pytest.approx(narrow_laws.scipy.special.betainc(a, b, 1 - share), rel=1e-6)
+        assert found.chance[i] == pytest.approx(scipy.special.betainc(a, b, 1 - share), rel=1e-6)
 
 
 def _changes_sign(w: World, rng: Scaled) -> tuple[Any, Any]:

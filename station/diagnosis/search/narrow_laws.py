@@ -84,9 +84,12 @@ def _explained(
 
 def _in_space(bank: Bank, columns: Floats, length: Floats, space: ResidualSpace) -> _Explained:
     """What each law of a bank explains, whose white columns (U, M, C) are of such a length (C) before."""
-    pairs = zip(bank.candidates, bank.place, strict=True)
-    each = [_squares(columns[..., at], length[at], space, own=law.pattern == "own") for law, at in pairs]
-    squares, numbers = (np.array(x, float) for x in zip(*each, strict=True))
+    squares, numbers = np.zeros(len(bank.candidates)), np.zeros(len(bank.candidates))
+    kinds = [(law.pattern == "own", at.stop - at.start) for law, at in zip(bank.candidates, bank.place, strict=True)]
+    for own, width in set(kinds):
+        which = [i for i, kind in enumerate(kinds) if kind == (own, width)]
+        at = np.array([np.arange(width) + bank.place[i].start for i in which])
+        squares[which], numbers[which] = _squares(columns[..., at], length[at].max(axis=1), space, own=own)
     share = np.minimum(squares / space.rest, 1 - 1e-9)
     shown = (numbers > 0) & (numbers < space.dof)
     free = np.where(shown, space.dof - numbers, 1.0)
@@ -96,21 +99,24 @@ def _in_space(bank: Bank, columns: Floats, length: Floats, space: ResidualSpace)
     return _Explained(np.where(shown, log_mean_exp(nats.T), -np.inf), np.where(shown, chance, 1.0))
 
 
-def _squares(columns: Floats, length: Floats, space: ResidualSpace, *, own: bool) -> tuple[float, int]:
-    """Squares that white columns (U, M, c) explain, of each unit on its own or all together, and how many directions
-    of them are seen."""
-    known, residual = space.shared_basis, space.residual
-    along, border = columns.swapaxes(1, 2) @ residual[..., None], columns.swapaxes(1, 2) @ known
-    normal = columns.swapaxes(1, 2) @ columns
+def _squares(columns: Floats, length: Floats, space: ResidualSpace, *, own: bool) -> tuple[Floats, Floats]:
+    """Squares (n) that white columns (U, M, n, c) of laws explain, of each unit on its own or all together, and how
+    many directions of them are seen."""
+    known, residual = space.shared_basis, space.residual[..., None]
+    columns = columns.transpose(2, 0, 1, 3)
+    turned = columns.swapaxes(2, 3)
+    along, border, normal = turned @ residual, turned @ known, turned @ columns
     if not own:
-        along, border, normal = (x.sum(0, keepdims=True) for x in (along, border, normal))
+        along, border, normal = (x.sum(1, keepdims=True) for x in (along, border, normal))
+    n, U, c = normal.shape[:3]
     if known.shape[2]:
-        U, c = normal.shape[:2]
-        whole = np.zeros((U, c, U, c))
-        whole[np.arange(U), :, np.arange(U)] = normal
-        flat = border.reshape(U * c, -1)
-        normal, along = (whole.reshape(U * c, -1) - flat @ flat.T)[None], along.reshape(1, U * c, 1)
+        whole = np.zeros((n, U, c, U, c))
+        whole[:, np.arange(U), :, np.arange(U)] = normal.swapaxes(0, 1)
+        flat = border.reshape(n, U * c, -1)
+        normal = (whole.reshape(n, U * c, -1) - flat @ flat.swapaxes(1, 2))[:, None]
+        along = along.reshape(n, 1, U * c, 1)
     m, E = np.linalg.eigh(normal)
-    seen = m > LEAST_SHARE * length.max(initial=0.0)
-    u = (E.swapaxes(1, 2) @ along)[..., 0]
-    return float(np.sum(np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0))), int(np.count_nonzero(seen))
+    seen = m > LEAST_SHARE * length[:, None, None]
+    u = (E.swapaxes(2, 3) @ along)[..., 0]
+    squares = np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0)
+    return np.asarray(squares.sum((1, 2))), np.asarray(seen.sum((1, 2)), float)

@@ -118,6 +118,11 @@ class CauseSearch:
         # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
         scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
         surprise = max([statistic(self._null, evidence), *(found.surprise for found in unseen.values()), *scatter])
+        evident = max(evidence.values(), default=0.0) >= EVIDENT_NATS
+        if not evident or surprise <= self._null.threshold:
+            laws = find_laws(problem, fitted.floor)
+            evidence |= {name: found.nats for name, found in laws.items()}
+            surprise = max([surprise, *(found.surprise for found in laws.values())])
         return SearchState(problem, around.best, around, evidence, surprise, self._null.threshold)
 
     def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
@@ -144,7 +149,7 @@ class CauseSearch:
 
 def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
     """What no column of the bank shows, under its name as a kernel."""
-    return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor), **find_laws(problem, floor)}
+    return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor)}
 
 
 def _drop_undetectable(
