@@ -1,6 +1,7 @@
 """What a cause means for the line, in the JSON: calibrations moved, verdicts changed, yield; against known truth."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import yaml
 
 from station.adapters.samples import read_samples
 from station.config.recipes import load_recipe, recipe_path
+from station.diagnosis.results.line_impact import _unit_impact
 from station.domain.core.types import Floats
 from station.domain.evaluation import pipeline
+from station.model.simulate import SimulationJob, simulate
 from tests.fakes.command import station
 
 pytestmark = pytest.mark.timeout(300)
@@ -79,6 +82,20 @@ def test_a_recipe_without_limits_judges_nothing(tmp_path: Path) -> None:
     line = found(tmp_path, recipe, "--effect", "nest-tilt=0.004")[0]["line"]
     assert (line["verdicts_changed"], line["yield_before"], line["units"][0]["before"]) == (None, None, None)
     assert len(line["units"]) == 4
+
+
+def test_rounding_moves_nothing() -> None:
+    """Of what each run holds alike, such as another offset at each power-on, two solutions differ by rounding."""
+    recipe = load_recipe("offset-gain")
+    table = simulate(SimulationJob(recipe, ("A",), seed=5)).table
+    (result,) = pipeline.calibrate(recipe, table, "2026-11-21")
+    assert result.calibration is not None
+    for share, moves in ((1e-15, 0.0), (1e-6, pytest.approx(1e-6 / np.sqrt(3)))):
+        offset = result.calibration.offset + np.array([share, 0.0, 0.0])
+        moved = replace(result, calibration=replace(result.calibration, offset=offset))
+        impact = _unit_impact(result, moved, 1.0)
+        assert impact is not None
+        assert impact.shift_rms == moves
 
 
 def test_where_nothing_is_found_nothing_moves(tmp_path: Path) -> None:

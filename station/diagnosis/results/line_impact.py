@@ -24,6 +24,9 @@ MILLI_UNITS = {"g": "mg", "uT": "nT", "deg/s": "mdeg/s"}
 #: Limits of coefficients and visits; without any of them there is no verdict to change.
 JUDGED_LIMITS = ("offset", "gain", "cross_axis", "residual", "consistency", "tilt_deg")
 
+#: Readings that move by a smaller share of the stimulus do not move: it is rounding.
+ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitImpact:
@@ -143,4 +146,5 @@ def _unit_impact(before: CalibrationResult, after: CalibrationResult, strength: 
     offset, matrix = now.offset - was.offset, now.matrix - was.matrix
     # Over all directions a stimulus of length s has s²/3 along each axis.
     moves = float(np.sqrt((offset @ offset + strength**2 / 3 * np.sum(matrix**2)) / 3))
+    moves = moves if moves > ROUNDING * strength else 0.0
     return UnitImpact(before.serial, offset, matrix, moves, before.verdict.outcome, after.verdict.outcome)
