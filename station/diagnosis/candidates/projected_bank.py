@@ -30,8 +30,8 @@ from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
-#: Eigenvalues looked at together: with a number for each amplitude, some 10 MB.
-EIGENVALUES_AT_ONCE = 1 << 15
+#: Eigenvalues looked at together: with a number for each amplitude, two to three megabytes.
+EIGENVALUES_AT_ONCE = 1 << 13
 
 
 class EigenProducts(NamedTuple):
@@ -257,14 +257,22 @@ def _fits_of(
     most = np.array([bank.candidates[i].most for i in kind.which])
     can = spectrum(size, np.where(visible, m, 0.0), cross * visible[..., None], kind.pattern, most)
     u = can.components((readings * visible)[:, None], sets)
-    likelihood = can.likelihoods(u, sets) if scan else can.likelihood_of(u, sets)
-    odds = log_mean_exp(likelihood)
+    likelihood = None if scan else can.likelihood_of(u, sets)
+    odds = _odds_of_groups(can, u, sets) if likelihood is None else log_mean_exp(likelihood)
     evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
     retained = can if drawn is not None else can.of_readings()
     for i, which in enumerate(kind.which):
         axes = None if drawn is None or E is None else drawn.axes(bank, which, E[i] * visible[i][..., None, :])
-        of_groups, known = (u[i], None) if scan else (None, likelihood[i, 0])
+        of_groups, known = (u[i], None) if likelihood is None else (None, likelihood[i, 0])
         yield CandidateFit(retained, i, of_groups, known, float(evidence[i]), axes)
+
+
+def _odds_of_groups(can: EigenSpectrum, u: Floats, sets: DataSets) -> Floats:
+    """Log odds (b, 1, U, G) of a hit of each group of scans, from u (b, 1, U, G, K); some units at a time."""
+    units, each = can.m.shape[1], can.m[:, :1].size
+    step = max(1, EIGENVALUES_AT_ONCE // max(each, 1))
+    parts = (slice(first, first + step) for first in range(0, units, step))
+    return np.concatenate([log_mean_exp(can.of_units(part).likelihoods(u[:, :, part], sets)) for part in parts], axis=2)
 
 
 def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, size: SpaceSize) -> NDArray[np.bool_]:

@@ -90,7 +90,8 @@ class EigenSpectrum:
     own: one set of coefficients a unit; shared: one for all; scan: few of many groups are hit, nobody knows which.
     m (b, …, K) eigenvalues of the normal matrix, … being units or units and groups or nothing; cross (b, …, K, c)
     EᵀZᵀC; size: of the space where it was seen; mean (b) eigenvalue of the directions that can be seen; rho (b, ρ) the
-    amplitudes tried; known_logdet (b, …, ρ) Σ log(1 + ρ m), over all units where … are units, None where not kept.
+    amplitudes tried; known_logdet (b, …, ρ) Σ log(1 + ρ m), over all units where … are units, None where not kept, as
+    those of a scan are.
     """
 
     pattern: Pattern
@@ -106,6 +107,10 @@ class EigenSpectrum:
         m, cross, mean, rho = (x[i] for x in (self.m, self.cross, self.mean, self.rho))
         logdet = None if self.known_logdet is None else self.known_logdet[i]
         return EigenSpectrum(self.pattern, self.size, m, cross, mean, rho, logdet)
+
+    def of_units(self, units: slice) -> "EigenSpectrum":
+        """Several scans in some of the units."""
+        return replace(self, m=self.m[:, units], cross=self.cross[:, units])
 
     @property
     def batch_axes(self) -> int:
@@ -134,10 +139,8 @@ class EigenSpectrum:
         return replace(self, m=single[0], cross=single[1], rho=single[2], known_logdet=single[3])
 
     def of_readings(self) -> "EigenSpectrum":
-        """The same without what only the evidence of new data sets needs; of a scan, which has many groups, without
-        their log-determinants too."""
-        logdet = None if self.pattern == "scan" else self.known_logdet
-        return replace(self, cross=self.cross[..., :0].copy(), known_logdet=logdet)
+        """The same without what only the evidence of new data sets needs."""
+        return replace(self, cross=self.cross[..., :0].copy())
 
     def components(self, products: Floats, sets: DataSets) -> Floats:
         """u (b, n, …, K) of the products EᵀZᵀr: (b, n, K) of a shared cause, (b, n, U, …) of the others."""
@@ -276,7 +279,9 @@ def spectrum(
     ratios = COARSE_RATIOS if pattern == "scan" else AMPLITUDE_RATIOS
     limit = np.asarray(most, float)[..., None] ** 2
     rho = np.minimum(ratios / np.where(mean > 0, mean, 1.0)[..., None], limit)
-    return EigenSpectrum(pattern, size, m, cross, mean, rho, _logdet(pattern, size, m, rho))
+    # Those of a scan are as many as its groups, and not kept.
+    logdet = None if pattern == "scan" else _logdet(pattern, size, m, rho)
+    return EigenSpectrum(pattern, size, m, cross, mean, rho, logdet)
 
 
 def _logdet(pattern: Pattern, size: SpaceSize, m: Floats, rho: Floats) -> Floats:
