@@ -447,3 +447,14 @@ def test_sensors_that_lie_still_are_told_apart_by_a_column_of_their_ids(
     y = true[place] + 0.006 * rng.standard_normal((9000, 3))
     path = saved(tmp_path / "a.csv", np.c_[place, y], header="id,accel_x,accel_y,accel_z")
     assert "sensor 0: the unit is at rest in one stretch" in refused(capsys, path)
+
+
+def test_one_pose_that_drifts_tells_no_unit_of_an_axis(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Cut into blocks, z was said to be in another unit than x and y, which drifted less."""
+    around = rng.standard_normal((40, 3))
+    drift = around / np.linalg.norm(around, axis=1, keepdims=True) * [1e-4, 1e-4, 2e-3]
+    y = np.array([0.01, -0.02, 1.01]) + np.repeat(drift, 500, axis=0) + 2e-4 * rng.standard_normal((20_000, 3))
+    path = saved(tmp_path / "a.csv", np.c_[np.arange(20_000) / 100, y], header="t,ax,ay,az")
+    check(understood(capsys, path, "--blocks", "500"), visits=40, raw_unit="g")

@@ -12,6 +12,8 @@ from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError, UsageError
 from station.messages import Message
 
+#: Means of poses scatter on some axis by more than this share of their size.
+TURNS = 0.05
 #: Gains of one sensor's axes are within this ratio, soft iron's, too; units are farther apart.
 APART, ALIKE = 5.0, 1.4
 
@@ -53,6 +55,8 @@ def check(table: RawTable, axes: Axes, means: Floats, quantity: Quantity) -> Non
     """Raw means (k, 3) of poses. Errors: SamplesError where one axis reaches as much more or less in them than the
     others do as one unit is larger than another."""
     scatter = means.std(axis=0)
+    if scatter.max() < TURNS * float(np.median(np.linalg.norm(means, axis=1))):
+        return  # One pose, however it drifts.
     if quantity.sizes is None or scatter.max() < APART / 2 * scatter.min() or not scatter.min() > 0:
         return
     found = axis_parallel((means - means.mean(axis=0)) / scatter)
