@@ -2,6 +2,7 @@
 tell."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -194,7 +195,16 @@ def _quantities_of(unit: str) -> tuple[str, ...]:
 def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, Axes]]:
     """Columns whose names differ by x, y, z alone, or by three numbers: what is common to them, and their places."""
     free = (place for place in table.numeric() if place not in assigned and table.numbers(place).any())
-    return list(axis_names.triples((place, table.columns[place].name) for place in free))
+    return _named_axes(table, free)
+
+
+def are_axes(table: RawTable, places: Axes) -> bool:
+    """Whether the names of three columns say that they are axes, whatever is in them."""
+    return bool(_named_axes(table, places))
+
+
+def _named_axes(table: RawTable, places: Iterable[int]) -> list[tuple[str, Axes]]:
+    return list(axis_names.triples((place, table.columns[place].name) for place in places))
 
 
 def _by_content(table: RawTable, candidates: list[Axes], quantity: Quantity) -> Axes:

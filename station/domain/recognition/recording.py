@@ -104,7 +104,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         unit=unit,
         degrees_inferred=roles.temperature is not None
         and not temperatures.says_degrees(table.columns[roles.temperature]),
-        names_no_axes=table.named and roles.rank == columns.BY_CONTENT,
+        names_no_axes=table.named and roles.rank == columns.BY_CONTENT and not columns.are_axes(table, roles.axes),
         remarks=(
             *table.remarks,
             *remarks,
