@@ -21,9 +21,9 @@ from station.diagnosis.planning.suspects import (
     CauseTie,
     Suspects,
     axes_of,
+    causes_shown,
     shaped_like,
     suspects_of,
-    testable_causes,
     usual_candidates,
 )
 from station.diagnosis.search.finding import is_free_in_each_run
@@ -231,7 +231,7 @@ def _separations(
 ) -> dict[TrueAndOther, float]:
     """d·√κ of the causes of each line-up, were one of two the true one, against the other."""
     plan = campaign.gone_on(longer)
-    apart, shown = dict[TrueAndOther, float](), testable_causes(plan)
+    apart, shown = dict[TrueAndOther, float](), causes_shown(plan)
     for suspects in lines_up:
         new = [name for name in suspects.hidden if name in shown]
         usual = {name: usual_candidates(plan, name) for name in (*suspects.tie.names, *new)}

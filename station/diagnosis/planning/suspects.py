@@ -128,7 +128,7 @@ def library_effect(plan: PlannedCampaign, name: str) -> Effect | None:
     return next((e for e in cause_library(plan.problem.view.scene.recipe) if e.id == name), None)
 
 
-def testable_causes(plan: PlannedCampaign) -> list[str]:
+def causes_shown(plan: PlannedCampaign) -> list[str]:
     """Ids of the causes that a campaign could show."""
     return [e.id for e in cause_library(plan.problem.view.scene.recipe) if is_testable(e, plan.problem.view)]
 
