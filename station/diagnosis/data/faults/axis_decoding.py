@@ -53,6 +53,13 @@ def wrong_decodings(scene: Scene, mean: Floats, clipped: Container[int]) -> dict
     return found
 
 
+def mapping_by_pose(true: Floats, mean: Floats) -> int | None:
+    """Number of the mapping between nominal vectors (v, 3) and readings (v, 3), 0 as it should be; None where they
+    tell none."""
+    found = _by_pose(true, mean)
+    return None if found is None else found.mapping
+
+
 def _by_pose(true: Floats, mean: Floats) -> AxisDecoding | None:
     """From the matrix between nominal vectors (v, 3) and readings (v, 3)."""
     A = np.concatenate([true, np.ones((len(true), 1))], axis=1)
