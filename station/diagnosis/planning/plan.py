@@ -15,7 +15,13 @@ from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
-from station.diagnosis.search.distinguishability import SEPARATION_95, SignatureAxes, distinct_share, signature_axes
+from station.diagnosis.search.distinguishability import (
+    SEPARATION_95,
+    SignatureAxes,
+    distinct_share,
+    has_covariate_error,
+    signature_axes,
+)
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.joined_tables import join
@@ -61,7 +67,8 @@ class PlannedCampaign:
         return replace(candidate, effect=effect, columns=self._columns[effect])
 
     def axes(self, candidate: Candidate) -> SignatureAxes:
-        """What a candidate could move."""
+        """What a candidate could move; what its covariate may be off by is no column of any size."""
+        candidate = candidate.plain if candidate.plain and has_covariate_error(candidate) else candidate
         hit = np.ones(len(candidate.names))
         if candidate.pattern == "scan":
             hit = (np.arange(len(hit)) == len(hit) // 2).astype(float)
