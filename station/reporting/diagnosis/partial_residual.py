@@ -99,7 +99,7 @@ def _figure(
         (
             _noise_band(axis, scaled, 1.96 * data.noise_rms * factor),
             _single_points(axis, scaled),
-            _curve(axis, scaled),
+            *_curve(axis, scaled),
             _grouped(axis, scaled, data.noise_rms * factor),
         ),
         axis.places,
@@ -123,14 +123,24 @@ def _single_points(axis: CauseAxis, c: Course) -> Series:
     return Series(at.tolist(), c.measured[rows].tolist(), kind="faint")
 
 
-def _curve(axis: CauseAxis, c: Course) -> Series:
-    """What the cause says along the axis: dashes at places, a line over numbers."""
+def _curve(axis: CauseAxis, c: Course) -> list[Series]:
+    """What the cause says along the axis: dashes at places, a line over numbers. A course that is no polynomial is not
+    drawn over a gap, where the points say nothing of it."""
     groups = group_points(c.at, len(c.at) if c.single else len(axis.places) or CURVE_STEPS)
     at, predicted = groups.mean(c.at), groups.mean(c.cause)
     kind: Literal["dashes", "line"] = "dashes" if axis.places or c.single else "line"
     if kind == "line":
-        at, predicted = _between(at, predicted)
-    return Series(at.tolist(), predicted.tolist(), report_text("legend-cause"), kind=kind, colour=1)
+        fine, course = _between(at, predicted)
+        # Of few points the gaps are no gaps in what was measured.
+        broken = fine is at and len(at) > 2 * GROUPS
+        ends = np.flatnonzero((np.diff(at) > np.ptp(at) / (2 * GROUPS)) & broken) + 1
+        pieces = list(zip(np.split(fine, ends), np.split(course, ends), strict=True))
+    else:
+        pieces = [(at, predicted)]
+    names = [report_text("legend-cause"), *[""] * len(pieces)]
+    return [
+        Series(x.tolist(), y.tolist(), name, kind=kind, colour=1) for name, (x, y) in zip(names, pieces, strict=False)
+    ]
 
 
 def _between(at: Floats, value: Floats) -> tuple[Floats, Floats]:
