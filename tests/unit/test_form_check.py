@@ -1,6 +1,7 @@
 """How certain a name is beside laws that nobody wrote."""
 
 import math
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -12,14 +13,14 @@ from station.diagnosis.candidates.bank import Candidate, build_bank, candidates,
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.kernels import INPUT_WAVES
 from station.diagnosis.candidates.nuisance import accept_candidate
-from station.diagnosis.candidates.rival_laws import rival_laws
+from station.diagnosis.candidates.rival_laws import _within_groups, rival_laws
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.results.diagnose import _cause
 from station.diagnosis.search import law_chance, null_simulation
 from station.diagnosis.search.cause_search import _beside_unlikely
 from station.diagnosis.search.finding import CauseFinding, depends_on
-from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, compare_laws, in_place_of
+from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, _within_form_error, compare_laws, in_place_of
 from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
@@ -192,6 +193,26 @@ def test_a_name_that_a_kernel_outdoes_says_on_what_the_kernel_depends() -> None:
 def test_kernels_that_explain_nothing_say_nothing() -> None:
     assert depends_on({"time": -0.3, "input": -0.5}) == ()
     assert depends_on({"time": 9.0, "input": 7.0, "order": -0.5}) == ("time", "input")
+
+
+@given(st.lists(st.floats(0.1, 10.0), min_size=3, max_size=3))
+def test_how_much_of_a_covariate_each_unit_has_is_no_law_of_coefficients_of_its_own(size: list[float]) -> None:
+    """A unit that came later has another coefficient by chance, and a fleet's may happen to go with the time."""
+    unit = np.repeat(np.arange(3), 4).astype(np.int32)
+    columns = StopColumns.of(np.ones((12, 3, 1)))
+    cause = Candidate("quadratic", None, "unit", "own", unit, ("a", "b", "c"), columns)
+    x = np.tile([1.0, 1.2, 1.4, 1.6], 3)
+    alone, also = _within_groups(cause, x * np.array(size)[unit])
+    assert alone == pytest.approx(_within_groups(cause, x)[0])
+    assert np.bincount(unit, also) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert _within_groups(replace(cause, pattern="shared"), x)[1] is x
+
+
+def test_four_nats_say_much_beside_ten_and_nothing_beside_ten_thousand() -> None:
+    """A form that is known to 3 % leaves a thousandth of its squares to laws that are a little nearer."""
+    assert _within_form_error(10.0) - 10.0 < 0.02
+    assert _within_form_error(10_000.0) - 10_000.0 > LAW_NATS
+    assert _within_form_error(-5.0) == -5.0
 
 
 def test_a_course_of_the_dwell_that_warms_in_each_unit_is_no_cause_of_the_nests() -> None:

@@ -160,11 +160,21 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
         for name, x in (*curves, *(("time", x) for x in fades_of_campaign(view))):
             if name == word == "temperature":
                 continue
-            also = stop * x[:, None, None]
+            alone, also = (stop * of[:, None, None] for of in _within_groups(cause, x))
             both = "*".join(dict.fromkeys((name, word)))
-            yield _law_of(cause, both, StopColumns.of(also))
+            yield _law_of(cause, both, StopColumns.of(alone))
             yield _law_of(cause, both, StopColumns.of(np.concatenate([stop, also], axis=2)))
         yield from _of_groups(cause, cause.effect, view)
+
+
+def _within_groups(cause: Candidate, x: Floats) -> tuple[Floats, Floats]:
+    """A covariate (v) as it changes what alone is there, and what something else is there beside. Where each group has
+    a coefficient of its own, how much of it a group has is no change: in each it is of one size, and about 0."""
+    if cause.pattern != "own":
+        return x, x
+    group = np.unique(cause.code, return_inverse=True)[1]
+    mean, square = (np.bincount(group, y) / np.bincount(group) for y in (x, x**2))
+    return x / np.sqrt(np.maximum(square, 1e-300))[group], x - mean[group]
 
 
 def _of_each(law: Candidate, view: ResidualView) -> Iterator[Candidate]:

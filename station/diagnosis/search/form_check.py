@@ -48,6 +48,9 @@ LAW_NATS = 4.5
 PRIOR_NATS = 1.5
 #: What it costs to choose one law out of all of them where no cause says which, nats.
 CHOICE_NATS = 5.0
+#: No cause follows its form to better than some 3 % of its size, which leaves this share of its squares, and so of its
+#: nats, to other laws: in a fleet more than LAW_NATS.
+FORM_SHARE = 1e-3
 #: Laws so near to the best, nats, all say on what the rest depends.
 NEAR_NATS = 2.0
 #: Laws further behind the best than this, nats, are not tried under other floors.
@@ -100,13 +103,18 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iter
     promising = _promising(bare, forms, laws, floor)
     ranks = _ranked(bare, forms, promising, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
-    found = _rivals(ranks, max(own)) if own else RivalLaws(-np.inf, ())
+    found = _rivals(ranks, _within_form_error(max(own))) if own else RivalLaws(-np.inf, ())
     if 0 < found.lead <= PROMISING_NATS:
         found = replace(found, chance=chance_of_lead(problem, bare, forms, promising, floor, found.lead))
     coming = _coming_on(problem.accepted[i].candidate, bare, floor)
     found = max((found, *_fading(problem, i, floor), *coming), key=lambda laws: laws.lead)
     in_order = _follows_order(problem.accepted[i].candidate, bare.view)
     return replace(found, lead=max(found.lead, 0.0)) if in_order else found
+
+
+def _within_form_error(nats: float) -> float:
+    """What a cause would explain, of so many nats, were its form exact."""
+    return nats + FORM_SHARE * max(nats, 0.0)
 
 
 def _coming_on(cause: Candidate, bare: ScoringProblem, floor: NoiseFloor) -> Iterator[RivalLaws]:
