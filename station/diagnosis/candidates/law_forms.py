@@ -182,11 +182,11 @@ def _heat_flows(view: ResidualView, a: Floats) -> Iterator[Law]:
 
 
 def fades_of_campaign(view: ResidualView) -> list[Floats]:
-    """What dies away (v) over all runs of the campaign, or over the one run there is: stress that is let go, glue that
-    hardens."""
-    clock = view.scene.time_s if view.scene.started_s is None else view.scene.started_s + view.scene.time_s
-    if not np.ptp(clock):
+    """What dies away (v) over all runs of a campaign: stress that is let go, glue that hardens."""
+    started = view.scene.started_s
+    if started is None or not np.ptp(started):
         return []
+    clock = started + view.scene.time_s
     share = (clock - clock.min()) / np.ptp(clock)
     return [np.exp(-share / fade) for fade in FADES]
 
