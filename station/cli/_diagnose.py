@@ -16,6 +16,7 @@ from station.config.recipes import load_recipe
 from station.diagnosis.data import family, preflight
 from station.diagnosis.data.portions import reduce_portions
 from station.diagnosis.data.preflight import Preflight
+from station.diagnosis.data.seating_check import check_seatings
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.proposal import Proposal
 from station.diagnosis.results import line_impact
@@ -99,6 +100,7 @@ def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTab
     """What the preflight finds, units far from the others included, and the samples that it leaves."""
     found, cleaned = preflight.inspect(recipe, table)
     preflight.check_orientations(recipe, found)
+    check_seatings(recipe, cleaned)
     return replace(found, remarks=(*found.remarks, *family.of_table(recipe, cleaned))), cleaned
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from station.diagnosis.data import preflight
+from station.diagnosis.data.seating_check import check_seatings
 from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.position import Turn
 from station.errors import SamplesError
@@ -31,7 +31,7 @@ def stated(table: SampleTable, of: Mapping[int, str], unit: int = 1) -> SampleTa
 
 
 def test_what_is_stated_as_it_was_is_taken() -> None:
-    preflight.inspect(SLOW, measured())
+    check_seatings(SLOW, measured())
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_what_is_stated_as_it_was_is_taken() -> None:
 )
 def test_another_seating_is_said(of: dict[int, str], words: str) -> None:
     with pytest.raises(SamplesError) as refused:
-        preflight.inspect(SLOW, stated(measured(), of))
+        check_seatings(SLOW, stated(measured(), of))
     assert words in render(refused.value.message)
     assert "SN2" in render(refused.value.message)
 
@@ -62,7 +62,7 @@ def test_a_turn_that_is_no_seating_of_the_recipe_is_said_by_its_angle() -> None:
     """In the third run the unit lay on another side than the recipe says."""
     wrong = {**SLOW.seatings, "flipped": Turn(axis=(0, 0, 1), angle_deg=90)}
     with pytest.raises(SamplesError) as refused:
-        preflight.inspect(SLOW.model_copy(update={"seatings": wrong}), measured())
+        check_seatings(SLOW.model_copy(update={"seatings": wrong}), measured())
     assert "SN1, run 2: seating flipped is stated, but the readings show the unit turned by 180° about" in render(
         refused.value.message
     )

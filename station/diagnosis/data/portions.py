@@ -20,6 +20,7 @@ from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.data.reduce import ReducedPart, ReducedScene, join_parts, reduce_part
 from station.diagnosis.data.ringing import RingingSearch
 from station.diagnosis.data.sample_source import SampleSource
+from station.diagnosis.data.seating_check import check_seatings
 from station.diagnosis.data.stays import recut
 from station.diagnosis.data.visit_noise import NoiseTally
 from station.domain.core.joined_tables import join
@@ -87,6 +88,7 @@ class _Seen:
         self._units.update(table.unit.names)
         try:
             found, used = preflight.inspect(self.recipe, table)
+            check_seatings(self.recipe, used)
             if self._healthy is None:
                 self.recipe = preflight.with_sheet(self.recipe, found)
                 self._healthy, self.columns = HealthyUnits(self.recipe), frozenset(table.values)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.data import preflight_checks, stays, visit_motion
-from station.diagnosis.data.seating_check import check_seatings
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
@@ -105,7 +104,6 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     turned = preflight_checks.one_turned_unit(recipe, mean[~out], unit[~out])
     preflight_checks.check_poses(recipe, poses, turned)
     preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
-    check_seatings(recipe, table, begin[~out], mean[~out])
     if poses < LEAST_ORIENTATIONS:
         preflight_checks.check_axes_agree(recipe, table, mean[~out], unit[~out])
     lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))

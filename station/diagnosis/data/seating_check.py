@@ -1,22 +1,24 @@
 """Whether the readings contradict the seating that is stated: a unit that sat turned in one run, or a wrong column."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.axis_decoding import mapping_by_pose
 from station.domain.core import rotation
 from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.evaluation.unit_dwells import visit_boundaries
 from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from station.model.effects.axis_permutation import MATRICES
 
 
-def check_seatings(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], mean: Floats) -> None:
-    """Of visits that begin at some rows and whose means are (v, 3). Errors: SamplesError where a unit reads as stated
-    in one run and turned in another: axes that are decoded wrongly are so in all runs."""
+def check_seatings(recipe: Recipe, table: SampleTable) -> None:
+    """Of a table in order. Errors: SamplesError where a unit reads as stated in one run and turned in another: axes
+    that are decoded wrongly are so in all runs. A calibration does not ask: who was not turned fails, others go on."""
     if not recipe.pose_known or recipe.reference.source == "rate":
         return
+    begin, end = visit_boundaries(table)
+    mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
     run, unit, position = table.run[begin], table.unit.code[begin], table.position.code[begin]
     if not np.any(np.diff(run)) or not set(table.position.names) <= {p.name for p in recipe.positions}:
         return
