@@ -18,7 +18,7 @@ from station.diagnosis.results.diagnose import _gain
 from station.diagnosis.results.first_formula import _is_whole, law_alone
 from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _is_law_of, _leaves_noise, _rest
 from station.diagnosis.search.alarm import EXPLAINS_NATS
-from station.diagnosis.search.cause_search import search_causes
+from station.diagnosis.search.cause_search import _in_place_of, search_causes
 from station.diagnosis.search.finding import _indistinguishable, _rival_of, cause_finding
 from station.diagnosis.search.form_check import compare_laws, in_place_of
 from station.diagnosis.search.held_out_gain import held_out_gain
@@ -181,11 +181,27 @@ def test_a_law_that_leaves_nothing_is_looked_for_before_causes_that_each_follow_
 def test_a_law_that_is_all_there_is_stands_alone_and_any_other_beside_the_causes() -> None:
     problem = problem_of(KNOWN["quadratic"], 90 + SEED, d=20.0)
     for whole in (True, False):
-        law = LawAlone("found", whole)
+        law = LawAlone("found", whole, numbers=1)
         found = search_causes(problem, null_of, lambda *_, law=law: law)
         assert found.law is law
         assert ("quadratic" in {f.name for f in found.findings}) != whole
         assert bool(found.words) == whole
+
+
+def full_matrices(w: World, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Six gains of each unit beside its diagonal."""
+    gains = np.random.default_rng(SEED).normal(0, 8e-3, (int(w.unit.max()) + 1, 3, 3)) * (1 - np.eye(3))
+    return w.a, np.einsum("nij,nj->ni", gains[w.unit], w.a)
+
+
+def test_a_law_that_causes_make_up_with_no_more_numbers_leaves_its_place_to_them() -> None:
+    """Axes that are not square, and a package that is turned: together any matrix, which one formula writes too."""
+    search = CauseSearch(problem_of(full_matrices, 300 + SEED, units=2), null_of)
+    law = LawAlone("found", is_whole=True, numbers=12)
+    made_up = _in_place_of(law, search, search.ranks(search.first, []))
+    named = {name for f, _ in made_up for name in (f.name, *f.indistinguishable_from)}
+    assert {"cross-axis", "package-rotation"} <= named
+    assert (len(made_up), sum(f.numbers for f, _ in made_up)) == (2, 12)
 
 
 @pytest.mark.parametrize("neighbours", [(3, 5, 6), (8, 9)])

@@ -32,7 +32,8 @@ def law_alone(search: CauseSearch, cause_nats: float, kernel_nats: float) -> Law
         return None
     found = discover(problem, AlarmOnRest(search.null, search.undetectable, search.banks), SEED, most_terms=1)
     least = max(AHEAD_OF_CAUSES * cause_nats, AHEAD_OF_KERNELS * kernel_nats)
-    return LawAlone(found, is_whole=_is_whole(found, least))
+    numbers = sum(term.fit.coefficients for term in found.terms)
+    return LawAlone(found, _is_whole(found, least), numbers)
 
 
 def _is_whole(found: Discovery, least: float) -> bool:

@@ -10,9 +10,16 @@ from station.diagnosis.search.cause_chains import Chain, chain, in_parts
 from station.diagnosis.search.finding import UNLIKELY, CauseFinding, depends_on, is_unknown, unknown_finding
 from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel, compare_laws_with_scatter
 from station.diagnosis.search.other_starts import best_of_starts
-from station.diagnosis.search.rank import RankedCause, leaders
+from station.diagnosis.search.rank import RankedCause, causes_of, leaders
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem
-from station.diagnosis.search.search_state import CauseSearch, LawAlone, LawFactory, NullFactory, SearchState
+from station.diagnosis.search.search_state import (
+    EVIDENT_NATS,
+    CauseSearch,
+    LawAlone,
+    LawFactory,
+    NullFactory,
+    SearchState,
+)
 from station.diagnosis.search.second_look import judged_again
 
 #: Causes and kernels looked for at most.
@@ -97,7 +104,7 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
         if not found and kernel is not None and law_of is not None:
             law = law_of(search, 0.0 if cause is None else cause.evidence, kernel.evidence)
             if law is not None and law.is_whole:
-                return [(unknown_finding(ranks, state.statistic), state)], law
+                return _in_place_of(law, search, ranks) or [(unknown_finding(ranks, state.statistic), state)], law
         if cause is None or (kernel is not None and is_unknown(kernel.evidence, cause.evidence)):
             # Several causes at once may each explain less than a kernel that follows them all.
             several = chain(search, state, ranks, [f.name for f, _ in found])
@@ -111,6 +118,15 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
             found += in_parts(search, state, ranks, cause, [f.name for f, _ in found])
         state = found[-1][1]
     return best_of_starts(search, search.first, first, found), law
+
+
+def _in_place_of(law: LawAlone, search: CauseSearch, ranks: Mapping[str, RankedCause]) -> Chain:
+    """Causes that together leave nothing either, with no more numbers than the law: a matrix's off-diagonal gains are
+    a package that is turned and axes that are not square. None where there are no such."""
+    evident = sum(r.evidence > EVIDENT_NATS for r in causes_of(ranks))
+    several = chain(search, search.first, ranks, []) if evident > 1 else []
+    left = several and several[-1][1].alarms
+    return [] if left or sum(f.numbers for f, _ in several) > law.numbers else several
 
 
 def _with_forms_checked(

@@ -61,10 +61,11 @@ class SearchState:
 
 
 class LawAlone(NamedTuple):
-    """A law of no cause, as whoever looked for it found it, and whether it is all there is."""
+    """A law of no cause, as whoever looked for it found it, whether it is all there is, and its numbers."""
 
     found: object
     is_whole: bool
+    numbers: int
 
 
 class CauseSearch:
