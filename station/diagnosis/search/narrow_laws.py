@@ -23,7 +23,7 @@ from station.diagnosis.search.unseen import Unseen
 from station.domain.core.types import Floats
 
 #: Units and visits of the longest run in which laws are looked for: more show what they do to wide kernels, too.
-MOST_UNITS, MOST_VISITS = 24, 120
+MOST_UNITS, MOST_VISITS = 12, 120
 #: Laws whose columns are held together.
 AT_ONCE = 128
 #: Sizes of a law's variance beside the noise over which its evidence is averaged.
