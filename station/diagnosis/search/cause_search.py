@@ -123,8 +123,10 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
 def _in_place_of(law: LawAlone, search: CauseSearch, ranks: Mapping[str, RankedCause]) -> Chain:
     """Causes that together leave nothing either, with no more numbers than the law: a matrix's off-diagonal gains are
     a package that is turned and axes that are not square. None where there are no such."""
-    evident = sum(r.evidence > EVIDENT_NATS for r in causes_of(ranks))
-    several = chain(search, search.first, ranks, []) if evident > 1 else []
+    evident = sorted((r for r in causes_of(ranks) if r.evidence > EVIDENT_NATS), key=lambda r: -r.evidence)
+    # Chains of causes are dear: none is tried where the best and any other already have more numbers.
+    fits = len(evident) > 1 and evident[0].numbers + min(r.numbers for r in evident[1:]) <= law.numbers
+    several = chain(search, search.first, ranks, []) if fits else []
     left = several and several[-1][1].alarms
     return [] if left or sum(f.numbers for f, _ in several) > law.numbers else several
 

@@ -39,6 +39,13 @@ class RankedCause:
     best: Candidate | None
     at: ScoredBank
 
+    @property
+    def numbers(self) -> int:
+        """How many coefficients its best candidate has at the least, over all units; a variance has one."""
+        if self.best is None:
+            return 1
+        return self.best.axes * (1 if self.best.pattern == "scan" else len(self.best.names))
+
 
 def causes_of(ranks: Mapping[str, RankedCause]) -> list[RankedCause]:
     """The causes, without the kernels."""
