@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from station.diagnosis.candidates.bank import Candidate, build_bank, candidates, cause_library
 from station.diagnosis.candidates.columns import StopColumns
-from station.diagnosis.candidates.kernels import INPUT_WAVES
+from station.diagnosis.candidates.input_kernels import INPUT_WAVES
 from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.candidates.rival_laws import _within_groups, rival_laws
 from station.diagnosis.data.reduce import reduce_samples

@@ -6,7 +6,7 @@ These are the only columns that are not made by the simulation.
 """
 
 from collections.abc import Iterator
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -14,6 +14,7 @@ from numpy.polynomial import legendre
 from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.candidates.dwell_kernels import dwell_kernels
+from station.diagnosis.candidates.input_kernels import functions_of_input, products_of_other_axes
 from station.diagnosis.candidates.kernel_columns import (
     each_axis,
     grouped_kernel,
@@ -79,10 +80,6 @@ HALF_WAVES = (range(1, 4), range(1, 11))
 FADE_SHARES = (0.12, 0.4)
 #: Half waves of the kernel over a whole campaign.
 CAMPAIGN_WAVES = np.arange(1, 7)
-#: Whole waves of what an axis feels from one end to the other, in steps that none falls between.
-INPUT_WAVES = (1.5, 2.2, 2.9, 3.6, 4.3, 5.0)
-#: An axis is at its end from this share of the stimulus on.
-END_SHARE = 0.8
 #: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
 #: wave.
 SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
@@ -258,29 +255,8 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
 def _input(view: ResidualView) -> Iterator[Candidate]:
     """Whatever may follow the true vector."""
     a = resting_stimulus(view.scene, view.active)
-    for columns in _functions_of_input(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)):
+    for columns in functions_of_input(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)):
         yield from kernels_at(view, "input", columns, "unit", "common")
-
-
-def _functions_of_input(a: Floats) -> Iterator[Floats]:
-    """Products of two, three or four components of the true vector on every axis, some waves of its own, and what is
-    there at one end of an axis alone; some columns after others, as a fleet's are large."""
-    pairs = combinations_with_replacement(range(3), 2)
-    yield each_axis(np.stack([np.prod(a[:, list(c)], axis=1) for c in pairs], axis=1))
-    yield each_axis(np.prod(a, axis=1)[:, None])
-    yield _products_of_axes(a)[0]
-    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
-    # A gain by the size of the others, what an axis takes of the others by its own size or by theirs, products of two
-    # squares.
-    gains, taken = (a * one**2, a * two**2), (one * a**2, two * a**2)
-    others = one**3, two**3, one * two**2, one**2 * two
-    quartic = a**2 * one**2, a**2 * two**2, one**2 * two**2
-    for some in (gains, taken, others, quartic):
-        yield np.concatenate([own_axis(x) for x in some], axis=2)
-    for m in INPUT_WAVES:
-        yield np.concatenate([own_axis(f(m * np.pi * a)) for f in (np.sin, np.cos)], axis=2)
-    for i in range(3):
-        yield from (each_axis(1.0 * (end * a[:, [i]] > END_SHARE)) for end in (-1, 1))
 
 
 def _unit(view: ResidualView) -> Iterator[Candidate]:
@@ -354,17 +330,10 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
     for one in FACTORS:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
             # What each axis takes of any, of the product of the two others, or of its own with them.
-            for forms in (each_axis(a), *_products_of_axes(a)):
+            for forms in (each_axis(a), *products_of_other_axes(a)):
                 columns = StopColumns.in_bank(view, forms * factor[one][:, :, :1])
                 for of in levels_that_differ(view, "unit", "common"):
                     yield kernel(name, of, view, columns)
-
-
-def _products_of_axes(a: Floats) -> tuple[Floats, Floats]:
-    """On each axis the product of the two others (v, 3, 3), and its own with each of them (v, 3, 6)."""
-    a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
-    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
-    return own_axis(one * two), np.concatenate([own_axis(a * one), own_axis(a * two)], axis=2)
 
 
 def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
