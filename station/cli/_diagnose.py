@@ -180,6 +180,13 @@ def _heading(name: str, proposal: Proposal) -> str:
     if proposal.another_nest:
         lines.append("All was measured in one nest: put each unit into another one for the first new run.")
         lines.append("Where the rig has no other, no run tells apart what the nest does and what the rig does.")
+    if proposal.recipe.turns_base:
+        lines.append(
+            "Turn the whole rig about the vertical for the run with `base_turn_deg`: a tilt of the floor then lies"
+        )
+        lines.append(
+            "the other way. One that turns with the rig, as of unequal feet, counts as errors of its positions."
+        )
     return "".join(f"# {line}\n" for line in lines)
 
 

@@ -221,5 +221,7 @@ def _check_person(bench: Bench, loads: int) -> None:
     if loads > 1:
         nests = len(bench.station.settings.nests)
         raise UsageError("run-loads-need-person", nests=nests)
-    if any(r.seating != "home" or r.temperature_offset_degC or r.motors == "off" for r in bench.job.recipe.runs):
+    runs = bench.job.recipe.runs
+    by_hand = any(r.seating != "home" or r.temperature_offset_degC or r.motors == "off" for r in runs)
+    if by_hand or bench.job.recipe.turns_base:
         raise UsageError("run-recipe-needs-person")

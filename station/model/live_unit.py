@@ -14,7 +14,7 @@ from station.model.noise import flicker_at
 from station.model.scene import Scene
 from station.model.simulate import SimulationJob
 from station.model.timeline import run_timeline
-from station.model.visit_table import VisitTable, visit_table
+from station.model.visit_table import VisitTable, on_turned_base, visit_table
 
 #: Flicker of a live unit comes again after this time.
 FLICKER_SPAN_S = 3600.0
@@ -81,7 +81,8 @@ class LiveUnit:
         visits = visit_table(recipe, Labels((self.unit,), zero), run, visit, labels)
         if recipe.reference.source == "rate":
             return visits
-        return replace(visits, nest_R=np.array([w.visit.nest if w.plate is None else w.plate for w in went]))
+        rested = np.array([w.visit.nest if w.plate is None else w.plate for w in went])
+        return replace(visits, nest_R=on_turned_base(recipe, run, rested))
 
     def active(self, scene: Scene) -> ActiveEffects:
         """The causes at work on this unit."""

@@ -115,11 +115,19 @@ def visit_table(
         position=position,
         seating=seating,
         groups={k: v for k, v in labels.items() if k in GROUP_LABELS},
-        nest_R=np.array([p[0] for p in poses])[position.code],
+        nest_R=on_turned_base(recipe, run, np.array([p[0] for p in poses])[position.code]),
         seat_R=np.array([_seat(recipe, name) for name in seating.names])[seating.code],
         stimulus=np.array([p[1] for p in poses])[position.code],
         previous=previous,
     )
+
+
+def on_turned_base(recipe: Recipe, run: NDArray[np.int32], nest_R: Floats) -> Floats:
+    """Nest → station rotations (v, 3, 3) in passes (v), from those where the rig stands as it usually does."""
+    if not recipe.turns_base:
+        return nest_R
+    turns = np.array([recipe.base(i) for i in range(len(recipe.runs))])
+    return np.asarray(turns[run % len(turns)] @ nest_R)
 
 
 def _pose(recipe: Recipe, name: str) -> tuple[Array, Floats]:

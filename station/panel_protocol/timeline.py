@@ -20,6 +20,7 @@ _IDENTIFY_S, _WRITE_S, _HAND_S = 2.0, 6.0, 20.0
 _HAND_KINDS: Mapping[str, str] = {
     "turn-units": "turn",
     "turn-units-home": "turn",
+    "turn-base": "base",
     "set-temperature": "temperature",
     "switch-motors-off": "motors",
 }
@@ -30,7 +31,8 @@ Rows = Sequence[Sequence[float]]
 
 @dataclass(frozen=True, slots=True)
 class TimelineCell:
-    """One cell. kind: identify, stop, turn, temperature, motors, warm-up, write or verify; run: number of the pass.
+    """One cell. kind: identify, stop, turn, base, temperature, motors, warm-up, write or verify; run: number of the
+    pass.
 
     pose: device → station rotation there, None where it is not known; before: that of the seating before a turn.
     true: the stimulus that the device should read (3), recipe's unit. expected_s: how long it should take.
@@ -147,6 +149,8 @@ def _preparation(recipe: Recipe, number: int, seating: str) -> list[TimelineCell
     if run.seating != seating:
         before, pose = _seat(recipe, seating), _seat(recipe, run.seating)
         found.append(TimelineCell("turn", _HAND_S, run.seating, number, pose, before))
+    if recipe.turns_base and (not number or run.base_turn_deg != recipe.runs[number - 1].base_turn_deg):
+        found.append(TimelineCell("base", _HAND_S, f"{run.base_turn_deg:g}°", number))
     if run.temperature_offset_degC:
         found.append(TimelineCell("temperature", _HAND_S, f"{run.temperature_offset_degC:+g} °C", number))
     if run.motors == "off":

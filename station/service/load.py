@@ -241,7 +241,11 @@ class Load:
 
     def _conditions(self, number: int) -> Iterator[Event]:
         """What a run asks of its surroundings and no port can do: a person does it and says so, and time is given."""
-        run = self._job.recipe.runs[number]
+        recipe = self._job.recipe
+        run = recipe.runs[number]
+        # Nobody knows how the load before left the rig.
+        if recipe.turns_base and (not number or run.base_turn_deg != recipe.runs[number - 1].base_turn_deg):
+            yield from self._ask(Message("turn-base", number=number + 1, angle_deg=run.base_turn_deg))
         if run.temperature_offset_degC:
             offset = run.temperature_offset_degC
             yield from self._ask(Message("set-temperature", number=number + 1, offset_degC=offset))

@@ -119,6 +119,7 @@ def _translated(key: str, value: Any, code: str) -> Any:
 _HEADLINES = {
     "turn-units": ("act-turn", "turn"),
     "turn-units-home": ("act-turn-home", "turn"),
+    "turn-base": ("act-base", "base"),
     "set-temperature": ("act-temperature", "temperature"),
     "switch-motors-off": ("act-motors", "motors"),
 }

@@ -45,6 +45,7 @@ TIES: dict[str, tuple[int, set[str], str]] = {
     "warm-up": (4, {"clamp-creep"}, "warmed up"),
     "offset-temperature=0.0005": (4, {"bias-drift", "warm-up", "clamp-creep"}, "slow"),
     "nest-tilt": (2, {"package-rotation"}, "one run once more in the next nest"),
+    "base-tilt": (2, {"index-error"}, "one run with the rig turned 180° on its floor"),
 }
 
 

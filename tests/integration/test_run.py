@@ -160,13 +160,18 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     name = fixture_run.recipe(
         tmp_path,
         seatings={"turned": {"axis": [0, 0, 1], "angle_deg": 180}},
-        runs=[{"seating": "home"}, {"seating": "turned", "order": "reversed", "prewarm_s": 5, "motors": "off"}],
+        runs=[
+            {"seating": "home"},
+            {"seating": "turned", "order": "reversed", "prewarm_s": 5, "motors": "off", "base_turn_deg": 180},
+        ],
         method="n-point",
     )
     ran = fixture_run.run(tmp_path, recipe=name, confirm=requested.append)
     assert ran.results["SN0001"].outcome is Outcome.PASS, ran.results["SN0001"].reasons
     turn = "Pass 2: turn each unit 180° about z (seating 'turned')"
-    assert [render(m) for m in requested] == [turn, "Pass 2: switch the line's motors off"], (
+    about = "turn the whole rig about the vertical to {}° from how it usually stands"
+    rig = [f"Pass 1: {about.format(0)}", f"Pass 2: {about.format(180)}"]
+    assert [render(m) for m in requested] == [rig[0], turn, rig[1], "Pass 2: switch the line's motors off"], (
         "nothing goes on before a person has done it"
     )
     report = [render(e.message) for e in ran.of(Notice)]

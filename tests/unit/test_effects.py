@@ -36,7 +36,12 @@ def recipe(**changes: Any) -> Recipe:
 
 
 def scene(
-    positions: list[str], *, seating: str = "home", run: list[int] | None = None, values: Mapping[str, Floats] = {}
+    positions: list[str],
+    *,
+    seating: str = "home",
+    run: list[int] | None = None,
+    values: Mapping[str, Floats] = {},
+    **changes: Any,
 ) -> Scene:
     """One sample a stop, ten seconds apart, of one unit U in nest N1."""
     n = len(positions)
@@ -52,7 +57,7 @@ def scene(
         {"seating": Labels.of([seating] * n), "nest": Labels.of(["N1"] * n)},
         dict(values),
     )
-    return scene_of_table(recipe(), table)
+    return scene_of_table(recipe(**changes), table)
 
 
 def reads(
@@ -103,6 +108,14 @@ def test_base_tilt_is_in_the_station_frame() -> None:
     s, c = np.sin(0.01), np.cos(0.01)
     got = reads("base-tilt", [0.01, 0], scene(["z-up", "x-up"]))
     np.testing.assert_allclose(got, [[0, s, c], [c, s, 0]], atol=1e-15)
+
+
+def test_a_rig_turned_on_its_floor_leans_the_other_way_there() -> None:
+    """Half a turn about the vertical: what leaned towards −y of the rig leans towards +y; errors of positions stay."""
+    at = scene(["z-up", "z-up"], run=[0, 1], runs=[{}, {"base_turn_deg": 180}])
+    s, c = np.sin(0.01), np.cos(0.01)
+    np.testing.assert_allclose(reads("base-tilt", [0.01, 0], at), [[0, s, c], [0, -s, c]], atol=1e-15)
+    np.testing.assert_allclose(reads("index-error", [0.01, 0, 0], at), [[0, s, c], [0, s, c]], atol=1e-15)
 
 
 def test_tilt_is_exact_not_linear() -> None:

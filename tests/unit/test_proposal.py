@@ -16,6 +16,7 @@ from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.proposal import propose, rated_runs
 from station.diagnosis.planning.run_menu import run_menu
 from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, usual_shapes
+from station.diagnosis.search.distinguishability import nearer_by_error
 from station.domain.core.types import SampleTable
 from station.model.simulate import SimulationJob, simulate
 from station.model.simulated_line import SimulatedLine
@@ -64,6 +65,21 @@ def with_one_more(campaign: MeasuredCampaign, words: str) -> PlannedCampaign:
     return campaign.gone_on(next(longer for text, longer in run_menu(campaign, now) if text.startswith(words)))
 
 
+def test_a_signal_within_the_error_of_a_covariate_is_one_of_the_cause() -> None:
+    """s = 3(x + z·mode), z = .5: at most z² of it is left; of two units each by itself."""
+    columns = np.random.default_rng(7).standard_normal((2, 40, 2))
+    signal = 3 * columns[..., 0] + 1.5 * columns[..., 1] * [[1.0], [0.0]]
+    x = columns[..., 0]
+    beyond = np.sum(
+        (signal - x * np.sum(x * signal, axis=1, keepdims=True) / np.sum(x**2, axis=1)[:, None]) ** 2, axis=1
+    )
+    gained = nearer_by_error(signal, columns, 1)
+    assert beyond[0] > 10
+    assert 0 <= beyond[0] - gained[0] <= 0.5**2
+    assert gained[1] == pytest.approx(0.0, abs=1e-12)
+    assert nearer_by_error(signal[0], columns[0], 1) == pytest.approx(gained[0], rel=1e-9)
+
+
 def test_a_plan_holds_what_was_measured_as_it_was_and_units_go_on_to_the_next_nest() -> None:
     campaign, table = once_measured(units=2)
     scene = with_one_more(campaign, "one run once more in the next nest").problem.view.scene
@@ -98,6 +114,8 @@ def test_faces_alone_are_gone_on_with_by_tilts_half_way_between_them() -> None:
     # Six points are faces; the longer recipe must run.
     assert recipe.method == "n-point"
     longer = replace(campaign, recipe=recipe)
+    slow = menu["one run with 12 tilts between the faces, slow (dwells of 10 s)"]
+    assert slow.recipe.dwell.time_s == 10
     assert not any("tilts" in text for text, _ in run_menu(longer, PlannedRuns.measured(recipe)))
 
 

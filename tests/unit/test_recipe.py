@@ -59,6 +59,19 @@ def test_site_gravity_sets_the_magnitude() -> None:
     assert r.reference.strength() == pytest.approx(9.80620 / 9.80665, abs=1e-6)
 
 
+def test_a_rig_is_turned_on_its_floor_where_gravity_is_all_that_is_felt() -> None:
+    turned = recipe(runs=[{}, {"base_turn_deg": 180}])
+    assert turned.base(1) @ [1.0, 0.0, 0.0] == pytest.approx([-1.0, 0.0, 0.0])
+    assert "base_turn_deg" not in recipe().model_dump_json(), "the hash of recipes so far stays"
+    with pytest.raises(ValueError, match="base_turn_deg"):
+        recipe(
+            reference={"source": "field", "vector": [20, 0, 40]},
+            sensor="magnetometer",
+            unit="uT",
+            runs=[{"base_turn_deg": 180}],
+        )
+
+
 def test_motors_off_survives_the_boolean_that_yaml_makes_of_it() -> None:
     assert recipe(runs=[{"motors": False}]).runs[0].motors == "off"
 

@@ -62,7 +62,7 @@ def simulated_plan(
     shapes = {name: usual_shapes(plan, name) for name in names}
     # A cause follows the temperature, not the thermometer.
     truth = campaign.gone_on(runs, exact=True) if _reads_thermometer(lines_up) else plan
-    diagnosis = SimulatedDiagnosis(plan, shapes)
+    diagnosis = SimulatedDiagnosis(plan, shapes, campaign.null)
     scale = np.array([plan.floor.variances[0] / campaign.floor.variances[0], 1.0, 1.0])
     readings = NextReadings(plan.problem, plan.floor, campaign.spread * np.outer(scale, scale), campaign.known_runs)
     right = np.ones(CHOOSING_SETS + PROMISED_SETS, bool)

@@ -17,6 +17,7 @@ from station.diagnosis.planning.plan import (
     simulated_runs,
 )
 from station.diagnosis.results.diagnose import Diagnosis
+from station.diagnosis.search.alarm import NullDistribution
 from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
@@ -34,7 +35,8 @@ class MeasuredCampaign:
     the runs, a few a second; None where they are not one pass of each of the recipe's runs.
 
     spread (3, 3): covariance of the floor's variances; alone: whether the tied causes are all that is in the readings;
-    hidden: ids of the causes that these cannot show.
+    hidden: ids of the causes that these cannot show; null: what scores look like where nothing is wrong, None where
+    any is beyond chance.
     """
 
     recipe: Recipe
@@ -46,6 +48,7 @@ class MeasuredCampaign:
     spread: Floats = field(default_factory=lambda: np.zeros((3, 3)))
     alone: bool = True
     hidden: tuple[str, ...] = ()
+    null: NullDistribution | None = None
 
     @property
     def known_runs(self) -> int:
@@ -98,8 +101,9 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     fitted = d.search_result.first.fit() if tied else d.floor
     alone = len(d.causes) == 1 and not d.search_result.first.accepted
     bench = bench_of(d.last.view.scene)
+    spread, null = fitted.covariance, d.search_result.null
     return MeasuredCampaign(
-        d.recipe, units, nests, fitted.floor, bench, _few_samples(d), fitted.covariance, alone, d.not_testable
+        d.recipe, units, nests, fitted.floor, bench, _few_samples(d), spread, alone, d.not_testable, null
     )
 
 

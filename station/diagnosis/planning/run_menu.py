@@ -27,8 +27,11 @@ def minutes_of(runs: PlannedRuns) -> float:
     return (last.duration_s + last.prewarm_s + SimulatedLine().changeover_s) / 60
 
 
-def run_menu(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str, PlannedRuns]]:
-    """The campaign with one more run of each kind, the quickest to set up first."""
+def run_menu(
+    campaign: MeasuredCampaign, now: PlannedRuns, *, on_turned_base: bool = False
+) -> Iterator[tuple[str, PlannedRuns]]:
+    """The campaign with one more run of each kind, the quickest to set up first; on_turned_base: also with the whole
+    rig turned, which nothing but a tilt of the floor feels."""
     turned, flipped = Turn(axis=(0, 0, 1), angle_deg=180), Turn(axis=(1, 0, 0), angle_deg=180)
     kinds: list[tuple[str, dict[str, Any], dict[str, Turn], bool]] = [
         *([(ANOTHER_NEST if campaign.elsewhere else SECOND_NEST, {}, {}, False)] if campaign.nests > 1 else []),
@@ -63,8 +66,14 @@ def run_menu(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str
             continue
         words = f"one run {text}" + (f" (dwells of {dwell.time_s:g} s)" if slow else "")
         yield words, now.followed_by(Run(**run), seats, dwell)
+    if on_turned_base and now.recipe.feels_gravity_alone:
+        words = "one run with the rig turned 180° on its floor"
+        yield words, now.followed_by(Run(base_turn_deg=180), {}, now.dwells[-1])
     if tilts := _tilts_between_faces(now.recipe):
-        yield f"one run with {len(tilts)} tilts between the faces", now.followed_by(Run(), {}, now.dwells[-1], tilts)
+        words = f"one run with {len(tilts)} tilts between the faces"
+        yield words, now.followed_by(Run(), {}, now.dwells[-1], tilts)
+        if (slow_dwell := _slow(now.dwells[0])) != now.dwells[-1]:
+            yield f"{words}, slow (dwells of {slow_dwell.time_s:g} s)", now.followed_by(Run(), {}, slow_dwell, tilts)
 
 
 def _slow(rule: DwellRule) -> DwellRule:

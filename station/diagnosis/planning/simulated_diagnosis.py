@@ -15,11 +15,13 @@ from station.diagnosis.candidates.free_visits import says_nothing
 from station.diagnosis.candidates.kernels import KERNEL_NAMES, kernel_candidates
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.plan import PlannedCampaign
+from station.diagnosis.search.alarm import NullDistribution
 from station.diagnosis.search.distinguishability import (
     SEPARATION_95,
     SEPARATION_99,
     SignatureAxes,
     has_covariate_error,
+    nearer_by_error,
     signature_axes,
 )
 from station.diagnosis.search.finding import is_free_in_each_run, is_unknown
@@ -52,7 +54,12 @@ class JudgedSets:
 class SimulatedDiagnosis:
     """The diagnosis of a longer campaign among some causes at their shapes, for any number of sets of its readings."""
 
-    def __init__(self, plan: PlannedCampaign, shapes: Mapping[str, Sequence[Candidate]]) -> None:
+    def __init__(
+        self,
+        plan: PlannedCampaign,
+        shapes: Mapping[str, Sequence[Candidate]],
+        null: NullDistribution | None = None,
+    ) -> None:
         problem, floor, names = plan.problem, plan.floor, tuple(shapes)
         items = [*(c for one in shapes.values() for c in one), *kernel_candidates(problem.view)]
         items = [c for c in items if not says_nothing(c, problem.view)]
@@ -65,6 +72,8 @@ class SimulatedDiagnosis:
         moving = any(c.moving for c in self._candidates if c.name in names)
         self._seen_by = self._stages[0][1 if moving else 0]
         self._axes: dict[int, SignatureAxes] = {}
+        self._blurred: dict[int, tuple[Floats, Floats]] = {}
+        self._null = null
 
     def judged(self, drawn: Sequence[NullNoise]) -> JudgedSets:
         """What a diagnosis makes of sets, one after the other."""
@@ -80,12 +89,16 @@ class SimulatedDiagnosis:
         return JudgedSets(candidates, evidence, np.concatenate([self._seen_by.whitened(one) for one in drawn]))
 
     def names_right(self, true: str, judged: JudgedSets) -> Array:
-        """In which sets (n) a true cause leads, and no kernel follows what it does not."""
+        """In which sets (n) anything alarms, a true cause leads, and no kernel follows what it does not."""
         causes = [n for n in judged.evidence if n not in KERNEL_NAMES]
         each = np.stack([judged.evidence[n] for n in causes])
         kernel = np.max([e for n, e in judged.evidence.items() if n in KERNEL_NAMES], axis=0, initial=-np.inf)
         unknown = [is_unknown(k, c) for k, c in zip(kernel, each.max(0), strict=True)]
-        return np.asarray((each.argmax(0) == causes.index(true)) & ~np.array(unknown, bool))
+        leads = (each.argmax(0) == causes.index(true)) & ~np.array(unknown, bool)
+        if self._null is not None:
+            # The next null distribution is much like the one there is.
+            leads &= self._null.surprise(judged.evidence) > self._null.threshold
+        return np.asarray(leads)
 
     def parts(self, true: str, other: str, judged: JudgedSets) -> Array:
         """Which sets (n) part a true cause from another: that is not among those that hold most of the probability, nor
@@ -111,22 +124,40 @@ class SimulatedDiagnosis:
             rivals = [j for j in rivals if self._candidates[j].pattern != "scan"]
             if c.pattern == "scan" or not rivals:
                 continue
-            blurred = has_covariate_error(self._candidates[rivals[0]])
-            d2 = np.min(list(self._squares_apart(i, rivals, judged.white[rows])), axis=0)
-            apart[rows] = d2 >= (SEPARATION_99 if blurred else SEPARATION_95) ** 2
+            least = (SEPARATION_99 if has_covariate_error(self._candidates[rivals[0]]) else SEPARATION_95) ** 2
+            d2 = np.min(list(self._squares_apart(i, rivals, judged.white[rows], least)), axis=0)
+            apart[rows] = d2 >= least
         return apart
 
-    def _squares_apart(self, i: int, rivals: Sequence[int], white: Floats) -> Iterator[Floats]:
+    def _squares_apart(self, i: int, rivals: Sequence[int], white: Floats, least: float) -> Iterator[Floats]:
         """d²κ (n) of what a candidate leaves in white readings (n, U, M) against each of some others, freed of what
-        noise adds."""
+        noise adds; of what is above the least, also of what an error of the other's covariate explains."""
         found = self._axes_of(i)
         signal = _along(found, white.swapaxes(0, 1))
         squares, noise = np.sum(signal**2, axis=(0, 2)), found.vectors * np.sqrt(found.inverse)[:, None, :]
-        for other in (self._axes_of(j) for j in rivals):
+        for j in rivals:
+            other = self._axes_of(j)
             inside = other.vectors.swapaxes(1, 2) @ noise
             inside = inside if other.own or found.own else inside.sum(0, keepdims=True)
             expected = float(np.sum(noise**2) - np.sum(other.inverse[..., None] * inside**2))
-            yield np.asarray(squares - np.sum(_along(other, signal) ** 2, axis=(0, 2)) - expected)
+            apart = squares - np.sum(_along(other, signal) ** 2, axis=(0, 2)) - expected
+            near = apart >= least
+            if near.any() and has_covariate_error(self._candidates[j]):
+                apart[near] -= self._gained_by_error(j, signal[:, near])
+            yield np.asarray(apart)
+
+    def _gained_by_error(self, j: int, signal: Floats) -> Floats:
+        """How much nearer (n) an error of its covariate brings a candidate to signals (U, n, M)."""
+        candidate = self._candidates[j]
+        if j not in self._blurred:
+            columns = self._seen_by.space.project(candidate.rows(self._view.layout))
+            # All that the columns can follow of a signal is along these.
+            along, columns = np.linalg.qr(columns)
+            self._blurred[j] = along, columns
+        along, columns = self._blurred[j]
+        axes = candidate.axes if candidate.plain is None else candidate.plain.axes
+        nearer = nearer_by_error((signal @ along).swapaxes(0, 1), columns, axes)
+        return np.asarray(nearer.sum(-1))
 
     def _axes_of(self, i: int) -> SignatureAxes:
         if i not in self._axes:

@@ -139,22 +139,26 @@ def _gained_by_error(
     rows, gained = other.rows(layout), 0.0
     for units in layout.grid.parts(UNITS_AT_ONCE):
         columns = space.project(rows.of_units(units), units)
-        gained += sum(_nearer_by_error(*one, axes) for one in zip(found.data[units], columns, strict=True))
+        gained += float(np.sum(nearer_by_error(found.data[units], columns, axes)))
     return gained
 
 
-def _nearer_by_error(signal: Floats, columns: Floats, axes: int) -> float:
-    """The same of one unit, from its signal (M) and the white columns (M, axes · (1 + modes))."""
-    x, modes = columns[:, :axes], columns[:, axes:].reshape(len(columns), -1, axes)
-    z = np.zeros(modes.shape[1])
-    rest: list[float] = []
+def nearer_by_error(signal: Floats, columns: Floats, axes: int) -> Floats:
+    """The same (...) of signals (..., M) of one unit each, from its white columns (..., M, axes · (1 + modes))."""
+    x = columns[..., :axes]
+    modes = columns[..., axes:].reshape(*columns.shape[:-1], -1, axes)
+    z = np.zeros((*signal.shape[:-1], modes.shape[-2]))
+    rest = []
     for _ in range(ERROR_ROUNDS):
-        course = x + np.einsum("k,mka->ma", z, modes)
-        c = np.linalg.lstsq(course, signal, rcond=1e-9)[0]
-        rest.append(float(np.sum((signal - course @ c) ** 2) + z @ z))
-        along = modes @ c
-        z = np.linalg.solve(along.T @ along + np.eye(len(z)), along.T @ (signal - x @ c))
-    return rest[0] - min(rest)
+        course = x + np.einsum("...k,...mka->...ma", z, modes)
+        c = np.einsum("...am,...m->...a", np.linalg.pinv(course, rcond=1e-9), signal)
+        left = signal - np.einsum("...ma,...a->...m", course, c)
+        rest.append(np.sum(left**2, axis=-1) + np.sum(z**2, axis=-1))
+        along = np.einsum("...mka,...a->...mk", modes, c)
+        wanted = np.einsum("...mk,...m->...k", along, signal - np.einsum("...ma,...a->...m", x, c))
+        squares = along.swapaxes(-1, -2) @ along + np.eye(z.shape[-1])
+        z = np.linalg.solve(squares, wanted[..., None])[..., 0]
+    return np.asarray(rest[0] - np.min(rest, axis=0))
 
 
 def _apart(found: EstimatedSignal, other: AcceptedCause, layout: RowLayout, space: ResidualSpace) -> float:

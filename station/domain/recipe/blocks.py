@@ -10,7 +10,8 @@ from station.errors import InvalidValue
 
 
 class Run(StrictModel):
-    """One pass of the unit through the positions. first, last: where the order `fastest` must begin and end."""
+    """One pass of the unit through the positions. first, last: where the order `fastest` must begin and end;
+    base_turn_deg: how far the whole rig is turned about the vertical from how it usually stands."""
 
     seating: Name = "home"
     order: Literal["listed", "reversed", "shuffled", "fastest"] = "listed"
@@ -19,6 +20,8 @@ class Run(StrictModel):
     temperature_offset_degC: Finite = 0.0
     prewarm_s: NotNegative = 0.0
     motors: Annotated[Literal["on", "off"], BeforeValidator(lambda v: {True: "on", False: "off"}.get(v, v))] = "on"
+    # What is not stated leaves the hash of a recipe as it was.
+    base_turn_deg: Finite = Field(default=0.0, exclude_if=lambda v: v == 0.0)
 
     @model_validator(mode="after")
     def _check_ends(self) -> Self:

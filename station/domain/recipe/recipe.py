@@ -65,6 +65,20 @@ class Recipe(StrictModel):
         """Device → nest rotation of a seating."""
         return np.eye(3) if name == "home" and name not in self.seatings else self.seatings[name].matrix()
 
+    def base(self, run: int) -> Floats:
+        """Rig → station rotation of a run: how the whole rig is turned on its floor."""
+        return Turn(axis=(0, 0, 1), angle_deg=self.runs[run % len(self.runs)].base_turn_deg).matrix()
+
+    @property
+    def turns_base(self) -> bool:
+        """Whether any run wants the rig turned on its floor."""
+        return any(run.base_turn_deg for run in self.runs)
+
+    @property
+    def feels_gravity_alone(self) -> bool:
+        """Whether the stimulus stays what it is when the whole rig is turned about the vertical."""
+        return self.reference.source in ("gravity", "gold") and not self.feels_rotation
+
     def position(self, name: str) -> Position:
         """The position of that name, those of `verify` included; KeyError when there is none."""
         return {p.name: p for p in (*self.verify.positions, *self.positions)}[name]
@@ -177,6 +191,8 @@ def _check_names(recipe: Recipe) -> None:
 
 
 def _check_poses(recipe: Recipe) -> None:
+    if recipe.turns_base and not recipe.feels_gravity_alone:
+        raise InvalidValue("base-turn-not-gravity", source=recipe.reference.source)
     if not recipe.pose_known:
         if recipe.method != "norm":
             raise InvalidValue("pose-unknown-needs-norm")

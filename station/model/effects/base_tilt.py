@@ -18,7 +18,7 @@ class BaseTilt(PoseEffect):
 
     physics = "The rig does not stand level."
     remedy = "level the rig"
-    shown_by = "measure units in several nests, and one run in another seating"
+    shown_by = "measure one run with the rig turned on its floor (`base_turn_deg: 180`), or put a level on it"
     drawn_over = "position"
     level = "rig"
     of = ("common", "station")
