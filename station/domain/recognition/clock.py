@@ -24,6 +24,8 @@ SAME_RATE = 0.3
 EPOCH_S = (5e8, 5e9)
 #: Stamps are coarse where fewer than this share of the readings has a new one, and tell the rate where so many change.
 COARSE, LEAST_CHANGES = 0.2, 4
+#: Fewer different stamps than this, of many readings, have lost their digits.
+FEWEST_STAMPS = 4
 #: A clock is steady where this share of its steps is within this share of the usual one.
 MOSTLY, STEADY = 0.95, 0.2
 #: More stamps than this share going back, and the rows are out of order.
@@ -95,6 +97,9 @@ def stamped(
     time_s = time_s[order] - time_s[order[0]]
     if not time_s[-1] > 0:
         raise SamplesError("stamps-stand-still", file=file, column=name)
+    different = 1 + int(np.count_nonzero(np.diff(time_s)))
+    if different < FEWEST_STAMPS <= len(time_s) / FEWEST_STAMPS:
+        raise SamplesError("stamps-too-few", file=file, column=name, stamps=different, rows=len(time_s))
     time_s = _between_changes(time_s)
     steps = np.diff(time_s)
     middle = float(np.median(steps[steps > 0]))

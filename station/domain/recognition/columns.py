@@ -9,7 +9,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition import axis_names, clock, temperatures, visits
+from station.domain.recognition import axis_names, temperatures, time_column, visits
 from station.domain.recognition.quantities import (
     QUANTITIES,
     Quantity,
@@ -21,12 +21,6 @@ from station.domain.recognition.quantities import (
 from station.domain.recognition.raw_table import ImportOptions, RawColumn, RawTable
 from station.errors import SamplesError, UsageError
 
-_TIME = re.compile(
-    r"time(?!s_)|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间"
-    r"|^(tiempo|tempo|temps|czas|tid|tijd|время|aika)($|[ _(\[])",
-    re.IGNORECASE,
-)
-_COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序号", re.IGNORECASE)
 _LABEL = re.compile(r"label|part|pos|pose|face|visit|segment|block|section|orient|state|name|标签|位置", re.IGNORECASE)
 _DERIVED = re.compile(r"linear|user|free|gravity|filt|corr|cal(?!l)|euler|quat|angle|delta|jerk|std|var", re.IGNORECASE)
 #: Triples that are computed and no readings, whatever their size.
@@ -37,12 +31,8 @@ _OTHER = re.compile(
     r"|direction|distance|accuracy|satellit|hdop|pressure|humid|baro|volt|batter|illumin|rssi|roll|pitch|yaw|angle",
     re.IGNORECASE,
 )
-#: Units of stamps.
-TIME_UNITS = ("s", "ms", "us", "ns")
 #: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.
 FOREIGN, BY_CONTENT, NAMELESS, BY_UNIT = 30, 25, 10, 2
-#: A column of at least so many steps is time where this share of them is within this share of the median step.
-LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
 #: Most labels that are visits and not identifiers, and how many readings each must last.
 MOST_LABELS, LEAST_LASTING = 2000, 8
 #: Rows of a list that has a name for each.
@@ -84,12 +74,12 @@ def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles
     if len(given) == 4:
         time: int | None = given[0]
     else:
-        time = _time(table, assigned={*given, label, temperature})
+        time = time_column.find(table, assigned={*given, label, temperature})
     counter = None
     if time is not None and options.time_unit == "none":
         time, counter = None, time
-    elif time is None or (len(given) != 4 and _is_counter(table.columns[time], table.named)):
-        counter = time if time is not None else _counter(table, given)
+    elif time is None or (len(given) != 4 and time_column.is_counter(table.columns[time], table.named)):
+        counter = time if time is not None else time_column.counter(table, given)
         time = None
     warm = [] if temperature is not None else temperatures.thermometers(table, {*given, time, counter, label})
     if warm:
@@ -144,7 +134,7 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
         raise SamplesError(
             "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
         )
-    free = [i for i in table.numeric() if i not in assigned and not _is_other(table, i)]
+    free = _filled(table, [i for i in table.numeric() if i not in assigned and not _is_other(table, i)])
     if len(free) < 3:
         raise SamplesError("no-three-axes", file=table.source, columns=", ".join(c.name for c in table.columns[:12]))
     runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]
@@ -153,6 +143,12 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
     # Axes stand beside each other; a word between columns begins something else.
     runs = [run for run in runs if run[2] - run[0] == 2] or runs
     return (runs[0] if len(runs) == 1 else _by_content(table, runs, quantity)), True, BY_CONTENT, ()
+
+
+def _filled(table: RawTable, free: list[int]) -> list[int]:
+    """Columns without those of zeros alone, as of sensors that are not there, where whole triples are left."""
+    filled = [i for i in free if table.numbers(i).any()]
+    return filled if len(filled) >= 3 and len(filled) % 3 == 0 else free
 
 
 def _is_other(table: RawTable, place: int) -> bool:
@@ -216,9 +212,9 @@ def _by_content(table: RawTable, candidates: list[Axes], quantity: Quantity) -> 
     return candidates[min(range(len(candidates)), key=lambda i: _unlikely(readings[i], quantity))]
 
 
-def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
-    """Whether readings (n, 3) do not turn; 0 where their magnitude is of a unit, 1 of counts, which any
-    number is near, 2 of another sensor's; its relative spread."""
+def _unlikely(reading: Floats, quantity: Quantity) -> tuple[int, float]:
+    """Of readings (n, 3): 0 where they turn in a magnitude of a unit, 1 where gravity lies still, 2 where they turn in
+    counts, which any number is near, 3 in another sensor's, 4 where nothing turns; relative spread of the magnitude."""
     means, spread = _means_and_spread(reading)
     off = visits.off_ellipsoid(np.nan_to_num(reading)) if quantity.unit == "uT" and np.isfinite(spread) else np.inf
     # Iron moves the centre of a compass, further than the field reaches.
@@ -232,11 +228,11 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[bool, int, float]:
     whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
     if not turns or not np.isfinite(spread):
         still = quantity.unit == "g" and not whole and _is_gravity(size, quantity)
-        return True, 1 - int(still), spread
+        return (1 if still else 4), spread
     known = not whole and from_magnitude(means, quantity, whole=False).unit != "LSB"
     # Counts of a power of two a g are an accelerometer's.
     gravity = whole and quantity.unit == "uT" and from_magnitude(means, QUANTITIES["g"], whole=True).exact
-    return False, int(not known) + int(gravity), spread
+    return (0 if known else 2) + int(gravity), spread
 
 
 def _is_gravity(size: float, quantity: Quantity) -> bool:
@@ -263,72 +259,6 @@ def _means_and_spread(reading: Floats) -> tuple[Floats, float]:
     return means, float(1.4826 * np.median(np.abs(size - middle)) / middle) if middle > 0 and alive else np.inf
 
 
-def _time(table: RawTable, assigned: set[int | None]) -> int | None:
-    """The column of time: named so or, without names, the first that never falls; by its steady steps where
-    its name is of no known language."""
-    free = [i for i in table.numeric() if i not in assigned]
-    named = [i for i in free if table.named and _TIME.search(table.columns[i].name)]
-    rising = [i for i in named if _rises(table.columns[i].values)]
-    if rising:
-        return min(rising, key=lambda i: (_is_counter(table.columns[i], named=True), _coarseness(table.numbers(i))))
-    if named:
-        return named[0]
-    in_time = [i for i in free if table.columns[i].unit in TIME_UNITS and _rises(table.columns[i].values)]
-    if in_time:
-        return in_time[0]
-    counted = [i for i in free if table.named and _COUNTER.search(table.columns[i].name)]
-    rising = [i for i in (counted if table.named else free[:2]) if _rises(table.columns[i].values)]
-    if not rising and not table.named:
-        rising = [i for i in free[2:] if clock.are_of_today(table.numbers(i)) and _rises(table.columns[i].values)]
-    if rising:
-        return rising[0]
-    return next((i for i in free[:2] if _is_steady_clock(table.numbers(i))), None)
-
-
-def unread_time(table: RawTable) -> RawColumn | None:
-    """The column of text that is named like time, whose stamps nobody could read."""
-    texts = [c for c in table.columns if c.text is not None and table.named and _TIME.search(c.name)]
-    return next((c for c in texts if c.text is not None and len(c.text.names) > LEAST_STEPS), None)
-
-
-def _is_steady_clock(values: Floats) -> bool:
-    """Whether a column that no name calls time rises at every row, most often by about one step, as no
-    reading does."""
-    apart = np.diff(values)
-    if len(apart) < LEAST_STEPS or not np.isfinite(apart).all() or not (apart > 0).all():
-        return False
-    middle = float(np.median(apart))
-    return bool(np.mean(np.abs(apart - middle) < STEADY * middle) > MOSTLY)
-
-
-def _counter(table: RawTable, assigned: list[int]) -> int | None:
-    free = [i for i in table.numeric() if i not in assigned and table.named]
-    found = [i for i in free if _COUNTER.search(table.columns[i].name) and _rises(table.columns[i].values)]
-    return found[0] if found else None
-
-
-def _coarseness(values: Floats) -> float:
-    """Share of readings that have the stamp of the one before."""
-    return round(float(np.mean(np.diff(values) == 0)), 2) if len(values) > 1 else 0.0
-
-
-def _rises(values: Array | None) -> bool:
-    if values is None or len(values) < 3:
-        return False
-    apart = np.diff(np.asarray(values, float))
-    return bool(np.mean(apart < 0) < 0.1 and np.mean(apart > 0) > 0.05)
-
-
-def _is_counter(column: RawColumn, named: bool) -> bool:
-    """Whether a rising column counts readings and is no time."""
-    if column.values is None or column.unit:
-        return False
-    if named and _TIME.search(column.name) and not _COUNTER.search(column.name):
-        return False
-    apart = np.diff(np.asarray(column.values, float))
-    return bool(len(apart)) and bool(np.mean(apart == 1) > 0.9)
-
-
 def _labels(table: RawTable, assigned: set[int | None]) -> int | None:
     """A column of text or whole numbers whose name says that it marks parts, and which lasts for some readings each."""
     for place, column in enumerate(table.columns):
@@ -344,7 +274,7 @@ def _labels(table: RawTable, assigned: set[int | None]) -> int | None:
 def _names_each(table: RawTable, column: RawColumn) -> bool:
     """Whether a short table without a clock has a name for each row: means of poses."""
     rows = len(table)
-    clocked = any(_TIME.search(c.name) for c in table.columns)
+    clocked = any(time_column.NAMES.search(c.name) for c in table.columns)
     if column.text is None or clocked or not LEAST_NAMED <= rows <= MOST_NAMED:
         return False
     return bool(np.all(column.text.code[1:] != column.text.code[:-1]))

@@ -159,6 +159,10 @@ def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitSca
     fits = [(unit, factor) for unit, factor in usual if low <= radius * factor <= high]
     if quantity.unit == "uT":
         # A compass lies off its centre by any hard iron, and its counts are of no known size.
+        if whole:
+            fits = [
+                (unit, factor) for unit, factor in fits if quantity.sizes[0] <= radius * factor <= quantity.sizes[1]
+            ]
         return UnitScale(*fits[0]) if fits else UnitScale("LSB", USUAL_FIELD_UT / radius, exact=False)
     off_centre = float(np.abs(centre).max()) > FAR_OFF * radius
     if off_centre and np.ptp(centre) > radius:

@@ -15,6 +15,7 @@ from station.domain.recognition import (
     held,
     quantities,
     temperatures,
+    time_column,
     unit_change,
     visits,
 )
@@ -152,7 +153,7 @@ def _check_alive(table: RawTable, roles: Roles, raw: Floats) -> None:
 
 def _unread(table: RawTable, roles: Roles, ticks: SampleClock) -> tuple[Message, ...]:
     """What is said of stamps that nobody could read, where nothing else tells the rate."""
-    column = columns.unread_time(table) if roles.time is None and ticks.source == "assumed" else None
+    column = time_column.unread_time(table) if roles.time is None and ticks.source == "assumed" else None
     if column is None or column.text is None:
         return ()
     stamp = next((name for name in column.text.names if name.strip()), "")[:40]
@@ -162,7 +163,7 @@ def _unread(table: RawTable, roles: Roles, ticks: SampleClock) -> tuple[Message,
 def _clock(
     table: RawTable, roles: Roles, options: ImportOptions, keep: NDArray[np.intp], assumed_rate_hz: float
 ) -> SampleClock:
-    if roles.time is not None:
+    if roles.time is not None and not (options.rate_hz is not None and _tells_nothing(table.numbers(roles.time)[keep])):
         column = table.columns[roles.time]
         assert column.values is not None
         unit = None if options.time_unit == "none" else options.time_unit
@@ -179,6 +180,11 @@ def _clock(
         raise UsageError("rate-not-positive", rate_hz=rate_hz)
     source = "given" if options.rate_hz else "data" if table.rate_hz else "assumed"
     return clock.counted(len(keep), None if counter is None else counter[keep], rate_hz or assumed_rate_hz, source)
+
+
+def _tells_nothing(stamps: Floats) -> bool:
+    """Whether stamps (n) are too few different ones to tell when a reading was taken."""
+    return len(np.unique(stamps)) < clock.FEWEST_STAMPS
 
 
 def _declared(

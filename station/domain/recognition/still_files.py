@@ -37,7 +37,8 @@ def units_of_poses(
     files: Sequence[FileName], recordings: Sequence[Recording], serial: str | None
 ) -> list[tuple[str, Recording]] | None:
     """The units whose poses are in those files, each by its serial with one recording of all its visits; None where
-    the files are no different poses of one unit or of several. serial: what a person calls the one unit."""
+    the files are no different poses of one unit or of several. serial: what a person calls the one unit. Errors:
+    SamplesError where one file alone of a unit does not rest."""
     for groups in _groupings(files):
         found: list[tuple[str, Recording]] = []
         for group in groups:
@@ -80,13 +81,17 @@ def _join(recordings: Sequence[Recording], names: Sequence[str], serial: str) ->
     """One recording of unit `serial` whose visits are those files, called `names`, with the remark that they are; None
     where the files are no different poses of one unit.
 
-    The rest in each file is its visit. Readings are brought to one scale, which all files tell together.
+    The rest in each file is its visit. Readings are brought to one scale, which all files tell together. Errors:
+    SamplesError where one file alone does not rest.
     """
     if len(recordings) < LEAST_POSES or len({(r.axes, r.unit) for r in recordings}) > 1:
         return None
     rests = [_rest(r) for r in recordings]
     scale = _common_scale(recordings, rests)
-    if scale is None or not all(rests):
+    moving = [r for r, own in zip(recordings, rests, strict=True) if not own]
+    if len(moving) == 1 and _join([r for r in recordings if r is not moving[0]], names, serial) is not None:
+        raise SamplesError("pose-file-moves", file=moving[0].source, files=len(recordings) - 1)
+    if scale is None or moving:
         return None
     readings = [(_raw(r) - scale.zero) * scale.factor for r in recordings]
     means = np.array([y[a:b].mean(axis=0) for y, own in zip(readings, rests, strict=True) for a, b in own])

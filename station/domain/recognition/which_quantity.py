@@ -18,8 +18,12 @@ MOST_OFFSET = 0.5
 USUAL_HZ = 100.0
 #: What rests scatters by less than this share of the magnitude.
 STILL = 0.05
+#: The length of a field that is turned scatters by less than this share of it.
+STEADY = 0.15
 #: Words of a file's name that tell a quantity.
 _WORDS = {"g": r"^acc", "deg/s": r"^gyr", "uT": r"^(mag|compass|kompass)"}
+#: And one that says that it holds several sensors.
+_SEVERAL = r"^inertial"
 
 
 def unit_of(table: RawTable, options: ImportOptions) -> str:
@@ -39,7 +43,7 @@ def unit_of(table: RawTable, options: ImportOptions) -> str:
         return "g" if gravity else called[0]
     best = min(found, key=lambda unit: found[unit].rank)
     named = [u for u, word in _WORDS.items() if u in found and _in_name(table.source, word)]
-    if named:
+    if len(named) == 1 and not _in_name(table.source, _SEVERAL):
         return named[0]
     return "uT" if "uT" in found and _like_a_field(table, found) else best
 
@@ -53,7 +57,7 @@ def _in_name(source: str, word: str) -> bool:
 def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
     """Whether readings are of no acceleration's size, or too far off its centre, and of a magnetic field's size."""
     reading = _reading(table, found["uT"].axes)
-    if "g" in found and _like_gravity(table, found["g"]):
+    if "g" in found and (_like_gravity(table, found["g"]) or _near_gravity(_reading(table, found["g"].axes))):
         return False
     means = _means(reading)
     centre, size = sphere(means)
@@ -63,8 +67,11 @@ def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
             and visits.is_pose_each(means)
             and not _rests(table, found["uT"].time, reading, size)
         )
+    off = np.abs(np.linalg.norm(means - centre, axis=1) / size - 1) if size > 0 else np.full(1, np.inf)
     low, high = QUANTITIES["uT"].sizes or (0.0, 0.0)
-    return any(low <= size * factor <= high for factor in QUANTITIES["uT"].factors.values())
+    return float(np.median(off)) < STEADY and any(
+        low <= size * factor <= high for factor in QUANTITIES["uT"].factors.values()
+    )
 
 
 def _rests(table: RawTable, time: int | None, reading: Floats, size: float) -> bool:
@@ -100,6 +107,15 @@ def _like_gravity(table: RawTable, roles: Roles) -> bool:
     near = float(np.linalg.norm(centre)) <= MOST_OFFSET * radius
     turns = float(np.linalg.norm(means.std(axis=0))) > columns.LEAST_TURN * radius
     return near and turns and from_magnitude(means, QUANTITIES["g"], whole=False).unit != "LSB"
+
+
+def _near_gravity(reading: Floats) -> bool:
+    """Whether readings (n, 3) are of a size near one g in g or m/s², which no field of the Earth has in any unit."""
+    size = np.linalg.norm(reading, axis=1)
+    middle = float(np.median(size))
+    g = QUANTITIES["g"].factors
+    steady = bool(np.median(np.abs(size - middle)) < 2 * STEADY * middle)
+    return steady and any(abs(middle * g[unit] - 1) < STEADY for unit in ("g", "m/s²"))
 
 
 def _reading(table: RawTable, axes: tuple[int, int, int]) -> Floats:
