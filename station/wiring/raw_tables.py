@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from station.adapters.bus import read_log
+from station.adapters.bus import are_frames, read_log
 from station.adapters.dbc import read_layouts
 from station.adapters.recordings import read_tables
 from station.adapters.recordings.writing import write_recording
@@ -15,7 +15,7 @@ def raw_tables(path: Path, dbc: Path | None) -> list[RawTable]:
     """Every table of a file, one for each time base or CAN message. Errors: InputError."""
     if path.suffix.lower() in (".log", ".blf", ".asc") and dbc is not None:
         return _of_frames(path, dbc)
-    if path.suffix.lower() in (".blf", ".asc") and path.is_file():
+    if path.is_file() and (path.suffix.lower() in (".blf", ".asc") or (dbc is None and are_frames(path))):
         raise UsageError("frames-need-dbc", file=str(path))
     tables = read_tables(path)
     if tables and dbc is not None:

@@ -17,8 +17,25 @@ _LINE = re.compile(
     r"\((?P<s>\d{1,11})\.(?P<fraction>\d{1,9})\)\s+(?P<channel>\S+)\s+(?P<id>[0-9A-Fa-f]{1,8})"
     r"#(?:(?P<remote>[Rr])(?P<dlc>[0-8]?)|(?P<flags>#[0-9A-Fa-f])?(?P<data>(?:[0-9A-Fa-f]{2}){0,64}))(?:\s+[RTrt])?"
 )
+#: A frame as candump prints it in any of its forms, with its stamp and channel or without.
+_ANY_FORM = re.compile(
+    r"(?:\([\d.: -]+\)\s+)?(?:\w+\s+)?[0-9A-Fa-f]{3,8}(?:##?[0-9A-Fa-fRr.]*|\s+\[\d+\](?:\s+[0-9A-Fa-f]{2})*)(?:\s.*)?"
+)
+#: Lines that show it, and which share of them.
+_HEAD, _MOSTLY = 60, 0.8
 #: A frame as read: time, identifier with flags, length, payload in hex.
 _Row = tuple[int, int, int, str]
+
+
+def are_frames(path: Path) -> bool:
+    """Whether the lines of a text are frames as candump prints them."""
+    try:
+        with path.open("rb") as file:
+            lines = [line.strip() for line in file.read(1 << 16).decode("ascii", "replace").splitlines()[:_HEAD]]
+    except OSError:
+        return False  # The reader says why.
+    told = [line for line in lines if line and not line.startswith(("#", "//"))]
+    return len(told) > 1 and sum(_ANY_FORM.fullmatch(line) is not None for line in told) >= _MOSTLY * len(told)
 
 
 def read(path: Path, channel: str | None, block: int) -> Iterator[Frames]:

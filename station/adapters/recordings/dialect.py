@@ -30,6 +30,8 @@ _KEYED = re.compile(r"^[\s{]*(?:\"?[A-Za-z]\w*\"?\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+
 _KEY = re.compile(r"\"?([A-Za-z]\w*)\"?\s*[:=]\s*")
 #: Lines that show the dialect, the fewest of names and values, and characters of a remark that may state the rate.
 HEAD, LEAST_KEYED, LONGEST_REMARK = 400, 8, 300
+#: Lines of a header at the most: devices, names, kinds and units.
+MOST_HEADER = 4
 #: Longer lines with quoted cells are no rows.
 LONGEST_QUOTED = 100_000
 #: Stamps of the present day, s.
@@ -180,7 +182,7 @@ def _header(
     file: str, lines: list[str], delimiter: str, columns: int, rows: list[list[str]]
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
     """Names and units of the columns by the lines above the data; a comment may be the header."""
-    above = _called_header(lines) or [line for line in lines if line.strip()][-2:]
+    above = _called_header(lines) or [line for line in lines if line.strip()][-MOST_HEADER:]
     cut = [split(_COMMENT.sub("", line), delimiter) for line in above]
     heads = [cells for cells in cut if len(cells) == columns and not any(is_number(c) for c in cells)]
     if not heads and above:
@@ -188,14 +190,25 @@ def _header(
     if not heads:
         return None, ("",) * columns
     check_column_names(file, (name for cells in heads for name in cells))
-    names, more = heads[0], heads[1] if len(heads) == 2 else []
-    if more and not _are_units(more):
-        names, more = more, []
+    names, more = _names_and_units(heads)
     units = [unit.strip() or _in_brackets(name) for name, unit in zip(names, more or [""] * columns, strict=True)]
     plain = [_UNIT.sub("", n).strip() if _in_brackets(n) else n for n in names]
     if len(set(plain)) < len(plain):
         plain = names
     return tuple(n or f"column {i}" for i, n in enumerate(plain)), tuple(u.strip(" []()") for u in units)
+
+
+def _names_and_units(heads: list[list[str]]) -> tuple[list[str], list[str]]:
+    """Of the lines of a header the names, behind those of their devices where they come several times, and the units;
+    a line of one word for all columns says nothing of them."""
+    telling = [cells for cells in heads if len(set(cells)) > 1] or heads[-1:]
+    *before, last = telling
+    units = last if before and _are_units(last) and not are_lettered(last) else []
+    names, *devices = reversed(before) if units else reversed(telling)
+    for device in devices:
+        if len(set(names)) < len(names):
+            names = [f"{group} {name}".strip() for group, name in zip(device, names, strict=True)]
+    return names, units
 
 
 def _called_header(lines: list[str]) -> list[str]:

@@ -7,15 +7,21 @@ from itertools import pairwise
 from station.adapters.recordings import dialect, stamps
 from station.domain.recognition import axis_names
 
-#: A time of day, perhaps behind a date; and a number that is no part of a word.
+#: A time of day, perhaps behind a date; and a number that is no part of a word, unless its unit follows.
 _VALUE = re.compile(
-    r"(?P<clock>(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?)"
-    r"|(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w])"
+    r"(?P<clock>(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d+)?"
+    r"|(?:19|20)\d\d-\d\d-\d\d[-_T ]\d\d-\d\d-\d\d(?!\d))"
+    r"|(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?=(?:m|mm|cm|km|s|ms|us|ns|g|mg|dps|uT|nT|hPa|V|mV)?(?!\w))"
 )
 _CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2}\s*$")
 _NAME = re.compile(r"([A-Za-z_]\w*)\W{0,2}[:=]\W{0,2}$")
 _CLOCK, _NUMBER = "@", "#"
-_BRACKETED = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*[\[({]\s*#\s*,\s*#\s*,\s*#\s*[\])}]")
+_BRACKETED = re.compile(r"((?:[A-Za-z_]\w* )?[A-Za-z_]\w*)\s*[:=]\s*[\[({]\s*#[\s,]+#[\s,]+#\s*[\])}]")
+#: `GYRO: X=#, Y=#, Z=#`, the unit perhaps behind the name.
+_GROUPED = re.compile(
+    r"([A-Za-z_]\w*)(?:\s?[\[(][^\[\]()]{0,12}[\])])?\s*:\s*x\s*[=:]\s*#[\w\s,;]*?\by\s*[=:]\s*#[\w\s,;]*?\bz\s*[=:]\s*#",
+    re.IGNORECASE,
+)
 #: Of the lines at least this share have the pattern, which is looked for in so many.
 MOSTLY, LEAST_ROWS = 0.6, 20
 #: Of lines that take turns at least this share has the pattern whose numbers are named x, y and z; of so many patterns.
@@ -86,7 +92,8 @@ def _pattern(line: str) -> str:
 def _names(pattern: str) -> list[str]:
     """The names of all values of a pattern; none where not each has its own. Of three in brackets behind one name they
     are its axes."""
-    pattern = _BRACKETED.sub(r"\1_x=# \1_y=# \1_z=#", pattern)
+    for three in (_BRACKETED, _GROUPED):
+        pattern = three.sub(lambda m: " ".join(f"{m[1].replace(' ', '_')}_{axis}=#" for axis in "xyz"), pattern)
     parts = re.split(f"([{_NUMBER}{_CLOCK}])", pattern)
     names = []
     for before, value in zip(parts[::2], parts[1::2], strict=False):
