@@ -71,6 +71,14 @@ class Scene:
         covariates = {name: getattr(self, name) for name in ("visit", "time_s", *COVARIATES)}
         return replace(self, **{name: x[rows] for name, x in covariates.items() if x is not None})
 
+    def of_runs(self, there: NDArray[np.bool_]) -> "Scene":
+        """Some whole runs, by their visits, there (v), and their rows."""
+        rows = there[self.visit]
+        covariates = {name: getattr(self, name) for name in ("time_s", *COVARIATES)}
+        kept = {name: x[rows] for name, x in covariates.items() if x is not None}
+        visit = (np.cumsum(there) - 1)[self.visit[rows]]
+        return replace(self, visits=self.visits.of_runs(there), visit=visit, **kept)
+
     def without_rows(self) -> "Scene":
         """The same visits and no samples: what is worth keeping of a part of a fleet."""
         return Scene(self.recipe, self.visits, np.zeros(0, np.intp), np.zeros(0))

@@ -84,6 +84,16 @@ class VisitTable:
         for a, b in zip(starts, [*starts[1:], len(self)], strict=True):
             yield slice(int(a), int(b), None)
 
+    def of_runs(self, there: NDArray[np.bool_]) -> "VisitTable":
+        """The visits of some whole runs, there (v), without the names of units and the like that have none of them."""
+        place = np.cumsum(there) - 1
+        previous = np.where(self.previous >= 0, place[self.previous], -1)[there]
+        rows = {n: getattr(self, n)[there] for n in ("run", "visit", "nest_R", "seat_R", "stimulus")}
+        labels = {n: getattr(self, n)[there].used() for n in ("unit", "position", "seating")}
+        groups = {name: group[there].used() for name, group in self.groups.items()}
+        gold = None if self.gold is None else self.gold[there]
+        return VisitTable(**labels, **rows, groups=groups, previous=previous, gold=gold)
+
     def with_gold(self, recipe: Recipe, gold: Floats) -> "VisitTable":
         """The same, with the gold readings (v, 3) corrected by the gold's own calibration as the truth."""
         own = recipe.reference.gold

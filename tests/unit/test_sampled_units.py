@@ -46,12 +46,20 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_samples_are_spread_and_share_no_unit(fleet: Any) -> None:
-    one, two = (sampled_units(fleet.setting, 3, start) for start in (0.0, 0.5))
+    one, two = (sampled_units(fleet.setting, 3, which) for which in (0, 1))
     assert one is not None and two is not None
     unit = fleet.view.layout.unit
-    assert (np.unique(unit[one.stops]).tolist(), np.unique(unit[two.stops]).tolist()) == ([0, 4, 8], [2, 6, 10])
+    chosen = [np.unique(unit[sample.stops]).tolist() for sample in (one, two)]
+    assert [[u // 4 for u in units] for units in chosen] == [[0, 1, 2], [0, 1, 2]]
+    assert not set(chosen[0]) & set(chosen[1])
     assert one.share == UNITS / 3
     assert sampled_units(fleet.setting, UNITS // unit_sample.LEAST_SHARE + 1) is None
+
+
+@pytest.mark.parametrize("nests", [2, 3, 4, 5, 8, 10])
+def test_samples_of_units_that_take_turns_have_some_of_every_nest(nests: int) -> None:
+    for units in (160, 200, 320, 400, 1000):
+        assert np.unique(unit_sample.spread_units(units, 40) % nests).size == nests
 
 
 def test_what_a_sample_shows_for_sure_is_behind_in_all_units_as_often_as_is_said() -> None:

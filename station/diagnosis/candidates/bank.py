@@ -250,10 +250,13 @@ def is_testable(effect: Effect, view: ResidualView) -> bool:
 
 def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
     """The cause at every shape and level."""
-    found = []
-    for shaped in scanned_forms(effect, view):
-        columns = StopColumns.in_bank(view, *view.signature(shaped))
-        found += [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(effect, view)]
+    return [c for shaped in scanned_forms(effect, view) for c in candidates_of_shape(shaped, view)]
+
+
+def candidates_of_shape(shaped: Effect, view: ResidualView) -> list[Candidate]:
+    """The cause at one shape, at every level."""
+    columns = StopColumns.in_bank(view, *view.signature(shaped))
+    found = [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(shaped, view)]
     return [with_covariate_error(_with_even_powers(c, view), view) for c in found]
 
 

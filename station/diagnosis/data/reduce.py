@@ -90,6 +90,13 @@ class ReducedScene:
         count, contrast = self.count / e[:, None], self.contrast / np.sqrt(e)[:, None, None]
         return replace(self, count=count, contrast=contrast, axis_excess=self.excess / e[:, None])
 
+    def of_runs(self, there: NDArray[np.bool_]) -> "ReducedScene":
+        """The stops of some whole runs, there (v); what holds for all samples is that of all."""
+        of_stops = ("mean", "contrast", "count", "rate_error", "excess", "axis_excess", "read_degC")
+        values = {name: getattr(self, name) for name in of_stops}
+        kept = {name: x[there] for name, x in values.items() if x is not None and len(x) == len(there)}
+        return replace(self, scene=self.scene.of_runs(there), fine=self.fine.of_runs(there), **kept)
+
     @property
     def rows_of_visit(self) -> int:
         """Rows of `fine` that a visit has."""

@@ -18,7 +18,7 @@ from station.diagnosis.data.reduce import ReducedScene
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.grid import RowLayout, VisitGrid, visit_grid
 from station.diagnosis.linear.projection import DataColumns
-from station.domain.core.types import Floats
+from station.domain.core.types import Array, Floats
 from station.model.effect import Effect
 from station.model.forward import (
     NO_EFFECTS,
@@ -130,6 +130,14 @@ class ResidualView:
     def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
         return self.layout.rows(stop, dwell)
+
+    def of_units(self, chosen: Array) -> "ResidualView":
+        """The view of some units (in order) in which no cause acts; noise is that of all."""
+        assert not self.active
+        there = np.isin(self.scene.visits.unit.code, chosen)
+        reduced, base = self.reduced.of_runs(there), BaseResponse(self.base.offset[chosen], self.base.matrix[chosen])
+        grid = visit_grid(reduced.scene.visits, self.grid.k)
+        return replace(self, reduced=reduced, grid=grid, base=base, own=self.own[there])
 
     def signature(self, effect: Effect, of: str = "") -> tuple[Floats, Floats | None]:
         """Derivatives by each axis' coefficient: of the stops' means (v, 3, axes) and of their contrasts

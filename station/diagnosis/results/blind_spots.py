@@ -37,7 +37,7 @@ class BlindSpots:
         What only a gold reference shows is left out."""
         kinds: dict[str, type[Effect]] = {name: plugins.load(EFFECTS, name) for name in smooth_causes()}
         kinds = {n: kind for n, kind in kinds.items() if not issubclass(kind, GoldEffect) and n != LocalGravity.id}
-        smallest = smallest_detectable(d.search_result.stage)
+        smallest = smallest_detectable(d.search_result.stage, d.search_result.share)
         hidden = [
             name
             for name, kind in kinds.items()

@@ -19,8 +19,9 @@ from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.results.confounded_covariates import with_confounded
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
-from station.diagnosis.search.cause_search import SearchResult, search_causes
+from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.fleet_search import search_by_sample
 from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.diagnosis.search.scoring import ScoringProblem
@@ -114,7 +115,7 @@ def diagnose_reduced(
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
     input_checks.check_calibrated(problem.view)
     problem = with_model(problem, model)
-    searched = search_causes(problem, null_of, _law_alone)
+    searched = search_by_sample(problem, null_of, _law_alone)
     last, sized = estimate_causes(searched.last)
     floor = last.fit()
     causes = _causes(searched, last, floor, sized[len(problem.accepted) :])

@@ -18,7 +18,6 @@ from station.diagnosis.search.search_state import (
     LawAlone,
     LawFactory,
     NullFactory,
-    SearchState,
 )
 from station.diagnosis.search.second_look import judged_again
 
@@ -29,7 +28,7 @@ MAX_ROUNDS = 6
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchResult:
     """What was found, the problem with all of it known, and the stage at which nothing alarmed any more; law: the one
-    that was looked for before any cause."""
+    that was looked for before any cause; share: how many units each of the stage stands for."""
 
     first: ScoringProblem
     last: ScoringProblem
@@ -43,6 +42,7 @@ class SearchResult:
     null: NullDistribution | None = None
     other_forms: tuple[str, ...] = ()
     law: LawAlone | None = None
+    share: float = 1.0
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -67,6 +67,11 @@ class SearchResult:
 def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFactory | None = None) -> SearchResult:
     """Everything that can be found. null_of gives the null distribution for the first stage, law_of a law that may
     stand for all causes."""
+    return with_forms_checked(search_unchecked(problem, null_of, law_of))
+
+
+def search_unchecked(problem: ScoringProblem, null_of: NullFactory, law_of: LawFactory | None = None) -> SearchResult:
+    """The same, each finding's probability against causes and kernels alone."""
     search = CauseSearch(problem, null_of)
     found, law = _one_after_another(search, law_of)
     state = found[-1][1] if found else search.first
@@ -76,7 +81,6 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFact
     if not state.alarms:
         # What was left beside a cause that was not at its best yet.
         findings = tuple(f for f in findings if not f.words) or findings
-    findings, other_forms = _with_forms_checked(problem, state, findings)
     return SearchResult(
         problem,
         state.problem,
@@ -88,8 +92,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFact
         state.evidence,
         search.banks,
         search.null,
-        other_forms,
-        law,
+        law=law,
     )
 
 
@@ -131,26 +134,25 @@ def _in_place_of(law: LawAlone, search: CauseSearch, ranks: Mapping[str, RankedC
     return [] if left or sum(f.numbers for f, _ in several) > law.numbers else several
 
 
-def _with_forms_checked(
-    problem: ScoringProblem, last: SearchState, findings: tuple[CauseFinding, ...]
-) -> tuple[tuple[CauseFinding, ...], tuple[str, ...]]:
-    """The findings with their probabilities against laws of no cause, and the covariates of the laws that are ahead of
-    a cause. problem: the one before the search; last: the state with all causes known."""
+def with_forms_checked(found: SearchResult) -> SearchResult:
+    """The same, each finding's probability against laws of no cause, too, and the covariates of the laws that are ahead
+    of a cause."""
+    problem, last = found.first, found.last
     checked, words, i = list[CauseFinding](), list[str](), len(problem.accepted)
-    for finding in findings:
+    for finding in found.findings:
         if finding.words:
-            laws = compare_laws_with_kernel(last.problem, finding)
+            laws = compare_laws_with_kernel(last, finding)
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else finding)
         elif finding.accepted is None:
             # A variance follows anything a little; what follows a law is no scatter.
-            laws = compare_laws_with_scatter(last.problem, finding.name, problem.upper)
+            laws = compare_laws_with_scatter(last, finding.name, problem.upper)
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else laws.judged(finding))
         else:
-            laws = compare_laws(last.problem, i, last.now.floor, finding.indistinguishable_from)
+            laws = compare_laws(last, i, last.fit().floor, finding.indistinguishable_from)
             checked.append(laws.judged(finding))
             words += laws.words if laws.is_ahead else ()
             i += 1
-    return _beside_unlikely(checked), tuple(dict.fromkeys(words))
+    return replace(found, findings=_beside_unlikely(checked), other_forms=tuple(dict.fromkeys(words)))
 
 
 def _beside_unlikely(findings: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:

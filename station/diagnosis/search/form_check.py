@@ -285,7 +285,7 @@ class _SampledLaws:
     """Laws and causes, some after others, as two samples of a fleet's units show them."""
 
     def __init__(self, problem: ScoringProblem, floor: NoiseFloor) -> None:
-        samples = (sampled_units(problem.setting, SAMPLE_UNITS, start) for start in (0.0, 0.5))
+        samples = (sampled_units(problem.setting, SAMPLE_UNITS, which) for which in (0, 1))
         self._floor, self._samples = floor, [sample for sample in samples if sample is not None]
         self._best = [-np.inf for _ in self._samples]
 

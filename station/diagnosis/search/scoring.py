@@ -109,6 +109,13 @@ class ScoringProblem:
         known, places = nuisance_of(self.view, tuple(items), self.matrix)
         return replace(self, accepted=tuple(items), places=places, setting=replace(self.setting, known=known))
 
+    def of_units(self, chosen: Array, near: NoiseFloor) -> "ScoringProblem":
+        """The problem of some units (in order) alone, before any cause is known. near: a floor near theirs."""
+        view = self.view.of_units(chosen)
+        known, places = nuisance_of(view, (), self.matrix)
+        setting = replace(self.setting.of_units(chosen)[0], known=known)
+        return replace(self, view=view, setting=setting, places=places, near=near)
+
     def without(self, i: int, groups: Sequence[int] | None = None) -> "ScoringProblem":
         """The same with one accepted cause, or some groups of it, neither known nor at work: the whole signal of these
         is in the readings."""

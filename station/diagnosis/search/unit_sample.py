@@ -24,6 +24,8 @@ SURE_ERRORS = 6.0
 #: Units of a fleet that show what a candidate changes of a floor's likelihood, and how many nats a floor must be behind
 #: another to be without hope: it then changes an evidence by less than a part in 10⁸.
 FLOOR_UNITS, HOPELESS_NATS = 40, 20.0
+#: Steps by it fill a stretch evenly, however many they are.
+GOLDEN_RATIO = (np.sqrt(5.0) - 1) / 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,12 +83,18 @@ class UnitSample:
         return np.asarray(self.share * (half + np.sqrt(half**2 + np.maximum(nats, 0.0))) ** 2)
 
 
-def sampled_units(setting: ScoringSetting, count: int, start: float = 0.0) -> UnitSample | None:
-    """So many units spread evenly over a fleet, the first of them at a share of the way to the second; None of a fleet
-    that has too few for it."""
+def spread_units(units: int, count: int, which: int = 0) -> NDArray[np.intp]:
+    """So many of a fleet's units (in order), one of each of as many stretches of it; `which` of two such sets, which
+    share none. Units in even steps could all be of one nest: the place within a stretch goes on by the golden ratio."""
+    ends = (np.arange(count + 1) * units / count).astype(np.intp)
+    place = (np.arange(count) * GOLDEN_RATIO + 0.5 * which) % 1.0
+    return np.asarray(ends[:-1] + (place * np.diff(ends)).astype(np.intp))
+
+
+def sampled_units(setting: ScoringSetting, count: int, which: int = 0) -> UnitSample | None:
+    """So many units spread over a fleet (see `spread_units`); None of a fleet that has too few for it."""
     units = setting.layout.grid.units
     if units < LEAST_SHARE * count:
         return None
-    chosen = ((np.arange(count) + start) * units / count).astype(np.intp)
-    some, stops = setting.of_units(chosen)
+    some, stops = setting.of_units(spread_units(units, count, which))
     return UnitSample(some, np.asarray(stops, bool), units / count)

@@ -53,7 +53,7 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
         dwell=_dwell_course(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
         read=read,
         expected=expected,
-        smallest=smallest_detectable(d.search_result.stage),
+        smallest=smallest_detectable(d.search_result.stage, d.search_result.share),
         felt=resting_stimulus(scene, view.active) if known else None,
         told=None if known else resting_stimulus(scene, view.active),
         groups=dict(visits.groups),
