@@ -100,7 +100,7 @@ def _joint_probabilities(likely: Sequence[Stiffness], fitted: Sequence[Sequence[
         lines = max(told, key=lambda each: len(each[0].line))
         scatter = np.stack([f.scatter.probability for f in lines])
         if all(f.scatter.known for f in lines):
-            scatter = scatter == scatter.max(axis=1, keepdims=True)
+            scatter = np.eye(slope_scatter.LIKELY)[scatter.argmax(axis=1)]
         share = share.sum(1, keepdims=True) * np.exp(nats - nats.max())[:, None] * scatter
     share = np.where(share > LEAST_ODDS * share.max(), share, 0.0)
     return np.asarray(share / share.sum())

@@ -73,6 +73,18 @@ def test_no_variance_leaves_its_bounds() -> None:
     assert fitted.floor.walk**2 <= 0.1 + 1e-12
 
 
+@pytest.mark.parametrize("visits", [7, floors.MANY_VISITS, floors.MANY_VISITS + 5])
+def test_what_a_walk_makes_of_rows_is_their_square_in_it(visits: int) -> None:
+    """Sums over few visits are products of matrices, over many they are made one by one, as `walked` makes all."""
+    rng = np.random.default_rng(3)
+    grid, n = VisitGrid(np.arange(2 * visits).reshape(2, 1, visits), K), 2 * visits
+    turn, steps = rng.standard_normal((n, 3, 3)), np.tile(np.arange(1.0, visits + 1), 2)
+    made = floors.floor_structure(grid, np.ones(n), turn, steps, np.tile(np.eye(3), (n, 1, 1)))
+    rows = rng.standard_normal((2, 1, visits * K, 4))
+    square = np.einsum("urmc,urmc->c", rows, made.times(rows)[..., 2, :])
+    assert made.walked(rows, slice(None)) == pytest.approx(square, rel=1e-10)
+
+
 def test_a_fitted_floor_leaves_as_much_as_there_are_numbers() -> None:
     rng = np.random.default_rng(7)
     grid, made, _ = structure(rng)

@@ -35,3 +35,9 @@ def view_of(visits: int, positions: int) -> ResidualView:
 def test_only_what_frees_each_of_many_visits_is_left_out(visits: int, positions: int, out: set[str]) -> None:
     view = view_of(visits, positions)
     assert {c.name for c in kernel_candidates(view) if says_nothing(c, view)} == out
+
+
+def test_every_kernel_of_the_position_before_goes_where_each_visit_has_its_own() -> None:
+    """The first two visits have no position before the last one: a group of two lengths is as free as one of one."""
+    view = view_of(MOST_FREE_VISITS + 40, MOST_FREE_VISITS + 40)
+    assert all(says_nothing(c, view) for c in kernel_candidates(view) if c.of == "previous")

@@ -5,7 +5,7 @@ import pytest
 
 from station.domain.core.types import Floats
 from station.model import long_temperature_run, temperature_course
-from station.model.temperature_course import RunTemperatures, Stiffness, temperature_courses
+from station.model.temperature_course import RunTemperatures, Stiffness, likely_courses, temperature_courses
 
 STOPS, RUNS, LENGTH_S = 24, 40, 60.0
 
@@ -125,3 +125,13 @@ def test_a_run_of_thousands_of_visits_some_at_one_time_has_its_slope() -> None:
     # Of a straight line through so many, or of one that bends a little: 10 % is a hundred times its deviation.
     np.testing.assert_allclose(found.slope, 0.001, rtol=0.1)
     assert found.modes.shape == (6000, 3)
+
+
+def test_few_runs_have_one_course_for_each_likely_stiffness() -> None:
+    """Of few runs nothing shows how far their slopes scatter: each is taken as it is, once."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, LENGTH_S, STOPS)
+    runs = [(t, waves(t, rng)[0] + 0.02 * rng.standard_normal(STOPS)) for _ in range(2)]
+    share, likely = zip(*likely_courses(runs), strict=True)
+    assert sum(share) == pytest.approx(1.0)
+    assert len({courses[0].slope.tobytes() for courses in likely}) == len(likely) > 1

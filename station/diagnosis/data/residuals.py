@@ -96,9 +96,14 @@ class ResidualView:
         told = (MIN_NOISE_RATIO * self.reduced.sigma * quietest) ** 2 / float(self.reduced.count.sum(1).mean())
         return longest * max(told, (LEAST_NOISE_SHARE * float(np.abs(self.reduced.mean).max())) ** 2)
 
+    @property
+    def moves_in_dwell(self) -> bool:
+        """Whether a cause at work changes within a stop, so that its means are those of its blocks."""
+        return any(_varies_in_dwell(acting.effect) for acting in self.active.values())
+
     def simulated(self) -> tuple[Floats, Floats]:
         """Means (v, 3) and contrasts (v, B−1, 3) as the simulation has them."""
-        if any(_varies_in_dwell(acting.effect) for acting in self.active.values()):
+        if self.moves_in_dwell:
             return self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))
         mean, contrast = forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
         if any(acting.effect.drawn_over in COURSES for acting in self.active.values()):
@@ -283,12 +288,22 @@ def with_calibration(view: ResidualView, base: BaseResponse) -> ResidualView:
     view = replace(view, base=base)
     if view.grid.k == 3:
         return replace(view, own=inverse)
+    view, along = _with_directions(view)
+    return replace(view, own=np.einsum("vi,vij->vj", along, inverse)[:, None, :])
+
+
+def _with_directions(view: ResidualView) -> tuple[ResidualView, Floats]:
+    """The view of parts turned as their readings say, and what each of them feels then (v, 3)."""
+    moving, reduced = view.moves_in_dwell, view.reduced
     for rounds in range(20):
-        residual = view.reduced.mean - view.simulated()[0]
-        along, step = magnitudes.next_direction(view.scene, residual, base, view.active)
-        scene, fine = (magnitudes.with_directions(s, along) for s in (view.scene, view.reduced.fine))
-        view = replace(view, reduced=replace(view.reduced, scene=scene, fine=fine))
+        mean = view.simulated()[0] if moving else forward(view.scene, view.base, view.active)
+        along, step = magnitudes.next_direction(view.scene, reduced.mean - mean, view.base, view.active)
+        reduced = replace(reduced, scene=magnitudes.with_directions(view.scene, along))
+        if moving:
+            reduced = replace(reduced, fine=magnitudes.with_directions(reduced.fine, along))
+        view = replace(view, reduced=reduced)
         # Before the first round nobody knows any direction, so that it has nothing to be still against.
         if rounds and step < magnitudes.CONVERGED_RAD:
             break
-    return replace(view, own=np.einsum("vi,vij->vj", along, inverse)[:, None, :])
+    fine = magnitudes.with_directions(reduced.fine, along)
+    return replace(view, reduced=replace(reduced, fine=fine)), along

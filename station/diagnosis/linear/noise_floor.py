@@ -27,6 +27,8 @@ from station.domain.core.types import Floats
 CONVERGED_NATS = 2e-5
 #: Triangular matrices whose halves have fewer rows are inverted whole.
 FEW_ROWS = 18
+#: Sums up to each of more visits are made one by one: a matrix costs their square.
+MANY_VISITS = 96
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +172,9 @@ class FloorStructure:
 
 
 def _so_far(values: Floats) -> Floats:
-    """Sums (…, V, a, b) over the visits up to each: products of matrices are far faster than sums one by one."""
+    """Sums (…, V, a, b) over the visits up to each: of few, products of matrices are faster than sums one by one."""
+    if values.shape[-3] > MANY_VISITS:
+        return values.cumsum(axis=-3)
     up_to = np.tri(values.shape[-3])
     return np.asarray(up_to @ values.reshape(*values.shape[:-2], -1)).reshape(values.shape)
 

@@ -158,26 +158,29 @@ def refined(problem: ScoringProblem, rounds: int = 4) -> ScoringProblem:
         moved = _moved(problem, own, steps)
         if problem.view.grid.k == 1 and _is_far(problem.view, own):
             share, misfit = 1.0, float(np.sum(white.data**2))
-            while _misfit(moved, fitted.space.covariance) > misfit:
+            while _misfit(problem, moved, fitted.space.covariance) > misfit:
                 share /= 2
                 if share < LEAST_STEP_SHARE:
                     return problem
                 moved = _moved(problem, share * own, [share * step for step in steps])
-        problem = replace(moved, near=fitted.floor)
+        problem = replace(problem_in_view(problem, *moved), near=fitted.floor)
         at_work = [s for s, item in zip(steps, problem.accepted, strict=True) if item.candidate.effect]
         if _converged(fitted.floor.noise, [own, *at_work]):
             break
     return problem
 
 
-def _moved(problem: ScoringProblem, own: Floats, steps: list[Floats]) -> ScoringProblem:
-    """The problem with calibrations changed by own (U, p) and coefficients of its causes by steps."""
+_Moved = tuple[ResidualView, tuple[AcceptedCause, ...]]
+
+
+def _moved(problem: ScoringProblem, own: Floats, steps: list[Floats]) -> _Moved:
+    """A problem's view with calibrations changed by own (U, p), and its causes with coefficients changed by steps."""
     accepted = tuple(
         replace(item, coefficient=item.coefficient + step) if item.candidate.effect else item
         for item, step in zip(problem.accepted, steps, strict=True)
     )
-    view = with_active_causes(with_calibration(problem.view, changed_base(problem.view.base, own)), accepted)
-    return problem_in_view(problem, view, accepted)
+    view = with_calibration(problem.view, changed_base(problem.view.base, own))
+    return with_active_causes(view, accepted), accepted
 
 
 def _is_far(view: ResidualView, own: Floats) -> bool:
@@ -186,10 +189,13 @@ def _is_far(view: ResidualView, own: Floats) -> bool:
     return bool(np.max(np.abs(own[:, :3]), initial=0.0) > FAR * stimulus or np.max(np.abs(own[:, 3:])) > FAR)
 
 
-def _misfit(problem: ScoringProblem, covariance: FloorCovariance) -> float:
-    """Sum of squares of what is left under a floor, priors included."""
-    readings, _ = problem.readings(moving=problem.known.moving)
-    return float(np.sum(whitened(covariance, problem.known, readings).data ** 2))
+def _misfit(problem: ScoringProblem, moved: _Moved, covariance: FloorCovariance) -> float:
+    """Sum of squares of what a moved view leaves under a floor, priors included; no column of a cause is needed."""
+    view, accepted = moved
+    rows, _ = replace(problem.setting, data=view.readings()).readings(moving=problem.known.moving)
+    white = covariance.whiten(rows, 0 if rows.dwell is None else rows.dwell.shape[1])
+    priors = (((item.mean - item.coefficient) / item.std)[item.hit] for item in accepted)
+    return float(np.sum(white**2)) + sum(float(np.sum(off**2)) for off in priors)
 
 
 def with_active_causes(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> ResidualView:

@@ -12,7 +12,7 @@ import scipy
 
 from station.diagnosis.candidates.bank import Bank, Candidate
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
-from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
+from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.alarm import EXPLAINS_NATS
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, evidence_by_cause, score_bank, score_in_noise
 from station.diagnosis.search.unit_sample import FLOOR_UNITS, HOPELESS_NATS, UnitSample, sampled_units
@@ -195,22 +195,11 @@ def with_bounded_variance(problem: ScoringProblem, name: str, upper: Floats) -> 
 
 def floor_causes(problem: ScoringProblem, first: ScoredBank) -> dict[str, RankedCause]:
     """The causes that are variances of the floor, let free beyond what is allowed."""
-    found = variance_gains(problem, problem.fit())
     return {
-        n: RankedCause(n, gain - OCCAM_NATS, None, ScoredBank(at, first.projected)) for n, (gain, at) in found.items()
+        name: RankedCause(name, grown.gain - OCCAM_NATS, None, ScoredBank(grown.floor, first.projected))
+        for name, i in FLOOR_VARIANCES.items()
+        if (grown := problem.grown_floors.get(i)) is not None
     }
-
-
-def variance_gains(problem: ScoringProblem, bounded: FittedFloor) -> dict[str, tuple[float, NoiseFloor]]:
-    """Of each variance of the floor that has reached its bound: the restricted log-likelihood that it gains when it is
-    let free, in nats, and the floor that then fits best."""
-    found = {}
-    for name, i in FLOOR_VARIANCES.items():
-        if bounded.floor.variances[i] < 0.99 * problem.upper[i]:
-            continue
-        free = with_free_variance(problem, name).fit(bounded.floor)
-        found[name] = (free.space.profile - bounded.space.profile, free.floor)
-    return found
 
 
 def variance_surprise(gain: float, dof: int) -> float:

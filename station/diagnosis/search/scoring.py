@@ -20,6 +20,9 @@ from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
 from station.domain.core.types import Array, Floats
 
+#: A variance that is this share of its bound has reached it.
+AT_BOUND_SHARE = 0.99
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoringSetting:
@@ -93,6 +96,17 @@ class ScoringProblem:
         """The floor that fits best from where the search for it begins: every step that meets a problem asks for it."""
         return self._fitted(None, None)
 
+    @cached_property
+    def grown_floors(self) -> "dict[int, GrownFloor]":
+        """Of each variance of the floor, by its place, that has reached its bound: what letting it free does."""
+        best, grown = self.fit(), dict[int, GrownFloor]()
+        for i in np.flatnonzero(best.floor.variances >= AT_BOUND_SHARE * self.upper).tolist():
+            upper = self.upper.copy()
+            upper[i] = np.inf
+            free = self.fit(best.floor, upper)
+            grown[i] = GrownFloor(free.space.profile - best.space.profile, free.floor)
+        return grown
+
     def _fitted(self, start: NoiseFloor | None, upper: Floats | None) -> noise_floor.FittedFloor:
         rows, count = self.readings(moving=False)
         upper = self.upper if upper is None else upper
@@ -127,6 +141,13 @@ class ScoringProblem:
         view = replace(self.view, active=active)
         bare = replace(self, view=view, setting=replace(self.setting, data=view.readings()))
         return bare.with_accepted([*self.accepted[:i], *left, *self.accepted[i + 1 :]])
+
+
+class GrownFloor(NamedTuple):
+    """The floor that fits best with one variance free, and the restricted log-likelihood that this gains, nats."""
+
+    gain: float
+    floor: NoiseFloor
 
 
 class Scores(NamedTuple):

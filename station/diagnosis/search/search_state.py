@@ -24,7 +24,6 @@ from station.diagnosis.search.rank import (
     keep_best,
     leaders,
     rank_causes,
-    variance_gains,
     variance_surprise,
     with_free_variance,
 )
@@ -117,7 +116,7 @@ class CauseSearch:
         unseen = unseen_kernels(problem, fitted.floor)
         evidence = around.evidence() | {name: found.nats for name, found in unseen.items()}
         # The bank follows readings; scatter beyond what the floor may hold shows in the floor alone.
-        scatter = [variance_surprise(gain, fitted.space.dof) for gain, _ in variance_gains(problem, fitted).values()]
+        scatter = [variance_surprise(grown.gain, fitted.space.dof) for grown in problem.grown_floors.values()]
         surprise = max([statistic(self._null, evidence), *(found.surprise for found in unseen.values()), *scatter])
         evident = max(evidence.values(), default=0.0) >= EVIDENT_NATS
         if not evident or surprise <= self._null.threshold:

@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 
@@ -141,8 +142,7 @@ class Term:
 
     def tree(self, column: FormulaColumn) -> tuple[Expression, Expression]:
         """Trees of input and modulator of a coefficient."""
-        input_, modulator = self.factors
-        return dict(input_.forms)[column.phase], dict(modulator.forms)[column.wave]
+        return _trees(*self.family, column.phase, column.wave)[0]
 
     def column(self, column: FormulaColumn, signal: Signal) -> Floats:
         """What one coefficient of size 1 adds to its axis (n)."""
@@ -151,11 +151,20 @@ class Term:
 
     def factor_values(self, column: FormulaColumn, signal: Signal) -> tuple[Floats, Floats]:
         """What the axis feels (n), and how it is modulated (n), of one coefficient."""
-        trees = self.tree(column)
-        values = variable_values(signal, column.i, column.j, frozenset().union(*(variables(t) for t in trees)))
+        trees, wanted = _trees(*self.family, column.phase, column.wave)
+        values = variable_values(signal, column.i, column.j, wanted)
         one, two = (evaluate(t, values, dict(self.constants)) for t in trees)
         n = len(signal.scene)
         return np.broadcast_to(without_rounding(one), n), np.broadcast_to(two, n)
+
+
+@cache
+def _trees(
+    input_name: str, modulator_name: str, phase: str, wave: str
+) -> tuple[tuple[Expression, Expression], frozenset[str]]:
+    """Trees of an input and a modulator at a phase and a wave, and the names of the variables in both."""
+    one, two = dict(INPUTS[input_name].forms)[phase], dict(MODULATORS[modulator_name].forms)[wave]
+    return (one, two), variables(one) | variables(two)
 
 
 def without_rounding(values: Floats) -> Floats:

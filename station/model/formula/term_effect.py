@@ -28,8 +28,11 @@ class FormulaEffect(SensorEffect):
         """Σ c · input · modulator, each on its axis."""
         term = self.term.with_constants(**{f: float(getattr(self, f)) for f in self.term.fields})
         added = np.zeros((len(c), 3))
+        # A derivative asks for one coefficient at a time: what has none is not worked out.
+        acting = np.any(c, axis=0)
         for at, column in enumerate(term.columns):
-            added[:, column.i] += c[:, at] * term.column(column, signal)
+            if acting[at]:
+                added[:, column.i] += c[:, at] * term.column(column, signal)
         return added
 
 
