@@ -25,7 +25,7 @@ from station.diagnosis.search.cause_search import (
 )
 from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.problem import refined
-from station.diagnosis.search.rank import variance_gains, variance_surprise
+from station.diagnosis.search.rank import variance_surprise
 from station.diagnosis.search.scoring import ScoringProblem, evidence_by_cause, score_bank
 from station.diagnosis.search.search_state import LawFactory, NullFactory
 from station.diagnosis.search.unit_sample import FLOOR_UNITS, LEAST_SHARE, SURE_ERRORS, spread_units
@@ -117,8 +117,8 @@ def _level(candidate: Candidate) -> tuple[str, str]:
 def _shows_more(problem: ScoringProblem, found: SearchResult) -> bool:
     """Whether all units show anything beside what is known of them."""
     fitted = problem.fit()
-    gains = variance_gains(problem, fitted).values()
-    if any(variance_surprise(gain, fitted.space.dof) > found.threshold for gain, _ in gains):
+    grown = problem.grown_floors.values()
+    if any(variance_surprise(each.gain, fitted.space.dof) > found.threshold for each in grown):
         return True
     if standing_out(fitted.space).size:
         return True
