@@ -1,10 +1,12 @@
 """What every test shares: fixed seeds that a failure prints, and where the real recordings lie."""
 
+import gc
 import os
 import pathlib
 import shutil
 import signal
 import tempfile
+from collections.abc import Generator
 
 # Many small matrices: a second thread of the linear algebra only waits for the first. Read when numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,6 +53,16 @@ def _share_a_cache(config: pytest.Config) -> None:
 
 def _survive(_number: int, _frame: object) -> None:
     """The tests themselves go on, as their parent wished."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Hook: seven thousand tests and their modules live to the end, so no garbage is looked for among them."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item], config: pytest.Config) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
+from station.cli._log_options import parse_span_ns
 from station.config.recipes import recipe_path
 from tests.fakes.command import station
 
@@ -90,8 +91,8 @@ def test_the_log_of_a_run_names_the_nests_that_are_tilted(stored: Stored, capsys
 
 
 def test_since_takes_what_began_then_or_later(stored: Stored, capsys: pytest.CaptureFixture[str]) -> None:
-    today = datetime.now().astimezone().date().isoformat()
-    assert shown(stored, capsys, "--db", stored.db, "--since", today)["data"]["runs"] == 8
+    midnight = datetime.now().astimezone().replace(hour=0, minute=0, second=0, microsecond=0)
+    assert parse_span_ns(midnight.date().isoformat(), None) == (int(midnight.timestamp()) * 10**9, None)
     assert shown(stored, capsys, "--db", stored.db, "--since", "1d")["data"]["runs"] == 8
     late = shown(stored, capsys, "--db", stored.db, "--since", stored.between)
     assert late["data"] == {"units": 2, "runs": 4, "visits": 96, "samples": 4800}

@@ -29,7 +29,9 @@ def split_blocks(values: Array, blocks: int, size: int, axis: int) -> Array:
     """Values with one axis split into blocks of a size, filled up with zeros."""
     missing = blocks * size - values.shape[axis]
     if missing:
-        values = np.pad(values, [(0, missing if i == axis else 0) for i in range(values.ndim)])
+        filled = np.zeros((*values.shape[:axis], blocks * size, *values.shape[axis + 1 :]), values.dtype)
+        filled[(*[slice(None)] * axis, slice(values.shape[axis]))] = values
+        values = filled
     return np.asarray(values.reshape(*values.shape[:axis], blocks, size, *values.shape[axis + 1 :]))
 
 
