@@ -1,9 +1,11 @@
 """Columns in unusual places, under unusual headers, or damaged on their way through other programs."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from station.domain.core.types import Floats
@@ -167,3 +169,29 @@ def test_the_one_file_of_a_pose_that_was_not_held_is_named(
         saved(tmp_path / f"{name}.csv", np.c_[np.arange(500) / 100, y])
     said = refused(capsys, *(tmp_path / f"{name}.csv" for name in poses))
     assert "right.csv: the unit moves for most of the time, while each of 4 other files holds one still pose" in said
+
+
+@pytest.mark.parametrize(("held", "cuts_s"), [(1, (10, 60)), (2, (5, 30, 60))])
+def test_one_rest_means_the_same_however_it_is_cut(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, held: int, cuts_s: tuple[int, ...]
+) -> None:
+    """In blocks that leave a part over; readings that a logger writes twice, too."""
+    n = 243 * 20
+    drift = np.linspace(0, 1, n)[:, None] * [0.004, 0, 0]
+    y = np.repeat(np.array([0, 0, 1]) + drift + 0.002 * rng.standard_normal((n, 3)), held, axis=0)
+    rate_hz = 20 * held
+    path = tmp_path / "still.csv"
+    np.savetxt(path, np.c_[np.arange(len(y)) / rate_hz, y], "%.6f", ",", header="t,ax,ay,az", comments="")
+    shown = []
+    for cut_s in cuts_s:
+        out = tmp_path / f"{cut_s}.csv"
+        assert station("import", path, "--blocks", f"{cut_s * rate_hz}", "--out", out) == 0
+        cut = pd.read_csv(out)
+        cut["position"] = "z-up"
+        cut.to_csv(out, index=False)
+        capsys.readouterr()
+        station("diagnose", "--samples", out, "--recipe", "one-point", "--json", "-")
+        said = json.loads(capsys.readouterr().out)
+        shown.append((said["verdict"], said["causes"]))
+    assert shown == [shown[0]] * len(cuts_s)
+    assert shown[0][0] != "none"

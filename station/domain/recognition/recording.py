@@ -70,8 +70,10 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
     raw, usable = raw[ticks.order], keep[ticks.order]
-    fresh = None if options.blocks is not None else held.fresh_rows(raw)
+    blocks = None if options.blocks is None else visits.blocks(table.source, raw, options.blocks)
+    fresh = held.fresh_rows(raw)
     if fresh is not None:
+        blocks = None if blocks is None else np.searchsorted(fresh, blocks)
         remarks = (*remarks, _held(table, ticks, len(raw) / len(fresh)))
         raw, usable, ticks = raw[fresh], usable[fresh], ticks.only(fresh)
     _check_alive(table, roles, raw)
@@ -80,7 +82,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
         raw = raw * axis_units.factors(of_axes, quantity)
         remarks = (*remarks, _brought_together(table, roles, of_axes, unit))
     unit_change.check(table.source, raw, quantity)
-    edges, names, declared = _declared(table, roles, options, usable, raw)
+    edges, names, declared = _declared(table, roles, blocks, usable, raw)
     if declared == "shown-blocks" and ticks.unit != "none":
         edges, names, declared = None, None, None
     means = _rest_means(ticks.time_s, raw, edges, quantity)
@@ -188,15 +190,15 @@ def _tells_nothing(stamps: Floats) -> bool:
 
 
 def _declared(
-    table: RawTable, roles: Roles, options: ImportOptions, usable: NDArray[np.intp], raw: Floats
+    table: RawTable, roles: Roles, blocks: NDArray[np.int64] | None, usable: NDArray[np.intp], raw: Floats
 ) -> tuple[NDArray[np.int64] | None, tuple[str, ...] | None, str | None]:
-    if options.blocks is not None:
-        return visits.blocks(table.source, len(raw), options.blocks), None, "blocks"
+    if blocks is not None:
+        return blocks, None, "blocks"
     if roles.labels is not None:
         edges, names = visits.labelled(table.source, table.columns[roles.labels], usable)
         return edges, names, "labels"
     length = visits.shown_blocks(raw)
-    return (visits.blocks(table.source, len(raw), length), None, "shown-blocks") if length else (None, None, None)
+    return (visits.blocks(table.source, raw, length), None, "shown-blocks") if length else (None, None, None)
 
 
 def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None, quantity: Quantity) -> Floats:

@@ -163,7 +163,7 @@ def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:
 def _a_reading_each(recording: Recording) -> Visits:
     """Each reading a visit or, of very many, every so many."""
     each = -(-len(recording) // MOST_POSES)
-    edges = visits.blocks(recording.source, len(recording), 1)[::each]
+    edges = visits.blocks(recording.source, recording.reading, 1)[::each]
     note = Message("readings-thinned", file=recording.source, readings=len(recording), each=each, visits=len(edges))
     names = tuple(f"reading-{i + 1:03d}" for i in range(len(edges)))
     remarks = [note] if each > 1 else []

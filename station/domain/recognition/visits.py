@@ -32,13 +32,21 @@ MOST_SHOWN = 2000
 FEW_OFF = 0.05
 
 
-def blocks(file: str, readings: int, length: int) -> Ints:
-    """First row and one past the last (k, 2) of blocks of `length` readings; a last part shorter than half is none."""
+def blocks(file: str, reading: Floats, length: int) -> Ints:
+    """First row and one past the last (k, 2) of blocks of `length` readings (n, 3). A last part shorter than half
+    belongs to the block before it where it goes on in that pose, so that one rest is whole however it is cut."""
+    readings = len(reading)
     if not 1 <= length <= readings // 2:
         raise UsageError("blocks-do-not-fit", file=file, blocks=length, readings=readings)
     begin = np.arange(0, readings, length)
     edges = np.stack([begin, np.minimum(begin + length, readings)], axis=1)
-    return np.asarray(edges[edges[:, 1] - edges[:, 0] > length // 2])
+    whole = np.asarray(edges[edges[:, 1] - edges[:, 0] > length // 2])
+    first, end = (int(edge) for edge in whole[-1])
+    if end < readings:
+        here, there = reading[first:end].mean(axis=0), reading[end:].mean(axis=0)
+        if np.linalg.norm(there - here) < rest_segments.STEP_SHARE * np.linalg.norm(here):
+            whole[-1, 1] = readings
+    return whole
 
 
 def labelled(file: str, column: RawColumn, keep: Array) -> tuple[Ints, tuple[str, ...]]:
