@@ -14,8 +14,8 @@ from station.diagnosis.planning.suspects import Suspects, suspect_candidate, usu
 from station.diagnosis.search.null_simulation import NullNoise
 from station.domain.core.types import Array, Floats
 
-#: Sets by which a plan is chosen, and others by which its chance is told; sets that share one floor.
-CHOOSING_SETS, PROMISED_SETS, SETS_OF_A_FLOOR = 64, 96, 8
+#: Sets that share one floor.
+SETS_OF_A_FLOOR = 8
 #: 97.5 % quantile of the normal distribution.
 Z95 = 1.96
 
@@ -43,21 +43,36 @@ class SimulatedChance:
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedPlan:
-    """chosen_by: the chance by which a plan is chosen; promised: that of other sets; parted: of pairs of causes in the
-    order of their names, the share of sets that part them where one of them is true."""
+class SetsToDraw:
+    """How many sets are drawn, and of which seed."""
 
-    chosen_by: SimulatedChance
-    promised: SimulatedChance
+    count: int
+    seed: int
+
+
+#: Sets by which a plan is chosen, and others by which the chance of what was chosen is told.
+CHOOSING_SETS, PROMISED_SETS = SetsToDraw(64, 1), SetsToDraw(96, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedPlan:
+    """parted: of pairs of causes in the order of their names, the share of sets that part them where one of them is
+    true."""
+
+    chance: SimulatedChance
     parted: Mapping[TrueAndOther, float]
 
 
 def simulated_plan(
-    campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequence[Suspects], new: Sequence[str] = ()
+    campaign: MeasuredCampaign,
+    runs: PlannedRuns,
+    lines_up: Sequence[Suspects],
+    sets: SetsToDraw,
+    new: Sequence[str] = (),
 ) -> SimulatedPlan:
     """What simulated diagnoses of a longer campaign say; a cause of a tie is true in as many sets as it is likely. new:
     causes that only the new runs can show, none of which is true."""
-    plan, rng = campaign.gone_on(runs), np.random.default_rng(1)
+    plan, rng = campaign.gone_on(runs), np.random.default_rng(sets.seed)
     names = tuple(dict.fromkeys([*(name for suspects in lines_up for name in suspects.members), *new]))
     shapes = {name: usual_shapes(plan, name) for name in names}
     # A cause follows the temperature, not the thermometer.
@@ -65,7 +80,7 @@ def simulated_plan(
     diagnosis = SimulatedDiagnosis(plan, shapes, campaign.null)
     scale = np.array([plan.floor.variances[0] / campaign.floor.variances[0], 1.0, 1.0])
     readings = NextReadings(plan.problem, plan.floor, campaign.spread * np.outer(scale, scale), campaign.known_runs)
-    right = np.ones(CHOOSING_SETS + PROMISED_SETS, bool)
+    right = np.ones(sets.count, bool)
     pairs: dict[TrueAndOther, list[Array]] = {}
     for suspects in lines_up:
         causes = zip(suspects.tie.names, suspects.tie.likely, suspects.causes, strict=True)
@@ -90,14 +105,8 @@ def simulated_plan(
         one_tie = np.concatenate(found)
         # Which set of one tie goes with which of another is chance; of a single one the order is kept.
         right &= one_tie if suspects is lines_up[0] else rng.permutation(one_tie)
-    # Of each cause the same share of its sets is chosen by.
-    ordinal = np.arange(len(right) + 1) * CHOOSING_SETS // len(right)
-    chosen, promised = right[np.diff(ordinal) > 0], right[np.diff(ordinal) == 0]
-    return SimulatedPlan(
-        SimulatedChance(int(chosen.sum()), len(chosen)),
-        SimulatedChance(int(promised.sum()), len(promised)),
-        {pair: float(np.mean(np.concatenate(each))) for pair, each in pairs.items()},
-    )
+    parted_share = {pair: float(np.mean(np.concatenate(each))) for pair, each in pairs.items()}
+    return SimulatedPlan(SimulatedChance(int(right.sum()), len(right)), parted_share)
 
 
 def _reads_thermometer(lines_up: Sequence[Suspects]) -> bool:

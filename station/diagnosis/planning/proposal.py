@@ -5,13 +5,13 @@ did, and each cause of the tie, at the size it would need to look as the data do
 could imitate: d·√κ (docs/diagnosis.md). What of it is promised is in `promise`.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
 
-from station.diagnosis.planning.chance import SimulatedChance, simulated_plan
+from station.diagnosis.planning.chance import CHOOSING_SETS, PROMISED_SETS, SetsToDraw, SimulatedChance, simulated_plan
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import PlannedRuns, least_distinct_share
 from station.diagnosis.planning.promise import Promise, TrueAndOther
@@ -26,6 +26,7 @@ from station.diagnosis.planning.suspects import (
     suspects_of,
     usual_candidates,
 )
+from station.diagnosis.search.distinguishability import SEPARATION_95
 from station.diagnosis.search.finding import is_free_in_each_run
 from station.domain.recipe.blocks import Run
 from station.domain.recipe.recipe import Recipe
@@ -36,14 +37,14 @@ SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS, MOST_IN_VAIN = 0.95, 0.05, 4, 1
 #: How many of those that the bound ranks first are simulated for the first run, one less for each after it; one less
 #: again where units times positions are more than so many: a simulated diagnosis takes up to a second there.
 SIMULATED, LARGE_CAMPAIGN = 3, 96
-#: A run, and of how many positions.
-RunKind = tuple[Run, int]
 #: Runs that promise most alone: what is tried again after the first.
 MOST_KINDS = 4
 #: A chance below which another nest is planned for, where there was one alone; and the runs in it at most.
 LIKELY, MAX_RUNS_ELSEWHERE = 0.9, 2
 #: What the bound gives no more than this is not worth simulating.
 HOPELESS_CERTAINTY = 0.01
+#: To this share of a distance two plans part alike.
+ALIKE_SHARE = 0.03
 #: d·√κ beyond which a cause that only the new runs can show is none that the true one could be taken for.
 CLEARLY_APART = 6.0
 
@@ -52,15 +53,14 @@ CLEARLY_APART = 6.0
 class Proposal:
     """One or more runs: the longer campaign, in words, how long the new runs take, and what they promise.
 
-    chance: of simulated diagnoses, promised: the same by other sets than those it is chosen by; next_nest: whether the
-    plan reckons with each unit in the next nest, another_nest: in one that nothing was measured in."""
+    chance: of simulated diagnoses; next_nest: whether the plan reckons with each unit in the next nest, another_nest:
+    in one that nothing was measured in."""
 
     campaign: PlannedRuns
     change: str
     minutes: float
     promise: Promise
     chance: SimulatedChance | None = None
-    promised: SimulatedChance | None = None
     next_nest: bool = False
     another_nest: bool = False
 
@@ -93,8 +93,7 @@ def rated_runs(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Iterator
 
 def promised(campaign: MeasuredCampaign, proposal: Proposal, ties: Sequence[CauseTie]) -> Proposal:
     """A proposal with the chance that simulated diagnoses give it."""
-    simulated = _simulated(campaign, proposal, [suspects_of(campaign, tie) for tie in ties])
-    return replace(simulated, chance=simulated.promised)
+    return _simulated(campaign, proposal, [suspects_of(campaign, tie) for tie in ties], PROMISED_SETS)
 
 
 def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | None:
@@ -102,20 +101,26 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
     separates any of the causes."""
     lines_up = [suspects_of(campaign, tie) for tie in ties]
     best = _longer(campaign, lines_up, MAX_RUNS)
-    if campaign.in_one_nest and (best is None or best.certainty < LIKELY):
+    if campaign.in_one_nest and _of_a_nest(lines_up) and (best is None or best.certainty < LIKELY):
         # What is a nest's and what is the rig's, no run in that nest tells.
         other = _longer(replace(campaign, nests=2), lines_up, MAX_RUNS_ELSEWHERE)
         if other is not None and (best is None or other.certainty > best.certainty + LEAST_GAIN):
             best = replace(other, another_nest=True)
-    if best is None or not best.separates:
+    if best is None:
         return None
     # What was chosen for its chance is promised by other sets than it was chosen by.
-    return replace(best, chance=best.promised, next_nest=campaign.nests > 1)
+    told = _simulated(replace(campaign, nests=2) if best.another_nest else campaign, best, lines_up, PROMISED_SETS)
+    return replace(told, next_nest=campaign.nests > 1) if told.separates else None
+
+
+def _of_a_nest(lines_up: Sequence[Suspects]) -> bool:
+    """Whether any of the causes is one of a nest, as a rule."""
+    return any(one.effect.of[:1] == ("nest",) for s in lines_up for shapes in s.causes for one in shapes)
 
 
 def _longer(campaign: MeasuredCampaign, lines_up: Sequence[Suspects], runs: int) -> Proposal | None:
     """The best of one run up to so many, by simulated diagnoses."""
-    now, kinds = PlannedRuns.measured(campaign.recipe), list[RunKind]()
+    now, kinds = PlannedRuns.measured(campaign.recipe), list[Run]()
     best: Proposal | None = None
     last: Proposal | None = None
     in_vain = 0
@@ -146,20 +151,22 @@ class _Menu:
     def best_simulated(
         self, campaign: MeasuredCampaign, lines_up: Sequence[Suspects], least: float, most: int
     ) -> Proposal | None:
-        """The best of so many that the bound ranks first, of those it gives more than the least chance; no further
-        than to one that is certain enough."""
+        """The best of so many that the bound ranks first, of those it gives more than the least chance and of such as
+        part alike one; no further than to one that is certain enough."""
         found = dict[int, Proposal]()
         while len(found) < most:
             self._rated += _up_to_certain(self._runs)
-            first = best_proposal([p for p in self._rated if p.certainty > least and id(p) not in found])
+            tried = [p.promise.apart for p in self._rated if id(p) in found]
+            left = [p for p in self._rated if p.certainty > least and not any(_alike(p, one) for one in tried)]
+            first = best_proposal(left)
             if first is None:
                 break
-            found[id(first)] = simulated = _simulated(campaign, first, lines_up)
+            found[id(first)] = simulated = _simulated(campaign, first, lines_up, CHOOSING_SETS)
             if simulated.certainty >= SUFFICIENT_CERTAINTY:
                 break
         return best_proposal(list(found.values()))
 
-    def worth_trying(self) -> list[RunKind]:
+    def worth_trying(self) -> list[Run]:
         """Of a whole menu the runs that alone promise most, and of each pair the shortest that parts it."""
         self._rated += self._runs
         likely = sorted(self._rated, key=lambda p: -p.certainty)[:MOST_KINDS]
@@ -170,12 +177,22 @@ class _Menu:
         return [_kind_of(p.campaign) for p in (*likely, *best)]
 
 
-def _simulated(campaign: MeasuredCampaign, proposal: Proposal, lines_up: Sequence[Suspects]) -> Proposal:
+def _alike(proposal: Proposal, apart: Mapping[TrueAndOther, float]) -> bool:
+    """Whether a proposal parts the same pairs as far as another one does, to a share."""
+    mine = proposal.promise.apart
+    return mine.keys() == apart.keys() and all(
+        abs(x - apart[pair]) <= ALIKE_SHARE * max(x, apart[pair], SEPARATION_95) for pair, x in mine.items()
+    )
+
+
+def _simulated(
+    campaign: MeasuredCampaign, proposal: Proposal, lines_up: Sequence[Suspects], sets: SetsToDraw
+) -> Proposal:
     """A proposal with the chance that simulated diagnoses give it."""
     new = {other for _, other in proposal.promise.apart} - {name for s in lines_up for name in s.members}
-    found = simulated_plan(campaign, proposal.campaign, lines_up, sorted(new))
+    found = simulated_plan(campaign, proposal.campaign, lines_up, sets, sorted(new))
     promise = replace(proposal.promise, simulated=found.parted)
-    return replace(proposal, promise=promise, chance=found.chosen_by, promised=found.promised)
+    return replace(proposal, promise=promise, chance=found.chance)
 
 
 def best_proposal(found: Sequence[Proposal]) -> Proposal | None:
@@ -191,7 +208,7 @@ def _rated_menu(
     now: PlannedRuns,
     lines_up: Sequence[Suspects],
     before: Proposal | None,
-    kinds: Collection[RunKind] = (),
+    kinds: Collection[Run] = (),
 ) -> Iterator[Proposal]:
     """The runs of the menu, the shortest first; kinds: none but these, where there are any."""
     # The errors of all positions can look like a tilt of the floor in any run, but for one where that lies otherwise.
@@ -202,9 +219,9 @@ def _rated_menu(
             yield _rated(campaign, text, longer, lines_up, before)
 
 
-def _kind_of(longer: PlannedRuns) -> RunKind:
-    """What the last run of a longer campaign is, however long it dwells."""
-    return longer.recipe.runs[-1], len(longer.recipe.positions)
+def _kind_of(longer: PlannedRuns) -> Run:
+    """What the last run of a longer campaign is, however long it dwells, and of however many positions."""
+    return longer.recipe.runs[-1]
 
 
 def _up_to_certain(found: Iterator[Proposal]) -> Iterator[Proposal]:
