@@ -1,1 +1,1 @@
-"""Where no cause of the library fits: a formula of a typed grammar, and whether these data bear it."""
+"""Formulas of a typed grammar for what no cause of the library explains, and the tests that accept or reject them."""

@@ -1,7 +1,7 @@
-"""How far the best of all terms gets by chance: the null distribution of the maximum over the whole grammar.
+"""The score that the best of all terms reaches by chance: the null distribution of the maximum over the whole grammar.
 
-Null data are drawn from the floor, its own uncertainty included, as the alarm of the diagnosis draws them, and judged
-by every term of the scan; the threshold is the quantile of the largest score, its tail taken as exponential.
+Null data are drawn from the floor and its uncertainty, as for the alarm of the diagnosis, and scored by every term of
+the scan. The threshold is a quantile of the largest score, whose tail is taken as exponential.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ FALSE_ALARMS, TAIL_START = 0.01, 0.9
 
 
 def threshold(problem: ScoringProblem, fitted: FittedFloor, scans: Sequence[Scan], seed: int) -> float:
-    """The score that the best term of all reaches by chance in FALSE_ALARMS of the campaigns."""
+    """The score that the best of all terms exceeds by chance in FALSE_ALARMS of the campaigns."""
     return tail_quantile(largest_scores(problem, fitted, scans, seed))
 
 

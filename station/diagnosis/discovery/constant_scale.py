@@ -1,4 +1,4 @@
-"""On what scale a constant of a term is looked for, and where on it the constant may be before the data say so."""
+"""The scale on which a constant of a term is searched, and its prior density on that scale."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,8 +21,7 @@ TIME_RANGE = 4.0
 
 @dataclass(frozen=True, slots=True)
 class ConstantScale:
-    """Where a constant is looked for: on a scale on which a step means as much everywhere. density: of what it may be,
-    before the data, along that scale."""
+    """The range of a constant, on a scale where equal steps matter equally. density: its prior along that scale."""
 
     start: float
     around: tuple[float, ...]
@@ -56,13 +55,13 @@ class ConstantScale:
 
 
 def _evenly(length: float) -> Callable[[Floats], Floats]:
-    """Anywhere on so much of a scale."""
+    """A uniform prior over a scale of this length."""
     return lambda x: np.full(x.shape, 1 / length)
 
 
 def _temperature_scale(field: str, now: float, T: Floats, within: Callable[[float], float]) -> ConstantScale:
-    """The scale of a temperature, by arcsinh of its distance from the mean in ranges. A bend is anywhere in the range;
-    a zero is where the ratio of two coefficients of one size puts it (Cauchy's distribution)."""
+    """The scale of a temperature: arcsinh of its distance from the mean, in ranges. A bend is uniform over the range; a
+    zero has the distribution of a ratio of two coefficients of equal size (Cauchy)."""
     centre, width = float(T.mean()), max(float(np.ptp(T)), 0.1)
     std = max(float(T.std()) / width, 1e-3)
     low, high = (float(T.min()) - centre) / width, (float(T.max()) - centre) / width

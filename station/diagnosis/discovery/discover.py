@@ -1,8 +1,8 @@
-"""The search for a formula: terms one after another, each the best of the whole grammar on what the others leave.
+"""The search for a formula: one term after another, each the best of the whole grammar on what the others leave.
 
-A term is taken up when its score (evidence less its price) is beyond what the best of all terms reaches by chance. What
-cannot be told from it is kept beside it. In the end the diagnosis' own alarm goes over what is left: while anything
-still alarms, the formula is a part of the truth, not the whole.
+A term is accepted when its score (evidence less price) exceeds what the best of all terms reaches by chance. Terms that
+the data cannot separate from it are kept beside it. At the end the alarm of the diagnosis examines the residual: while
+anything still alarms, the formula is part of the truth, not the whole.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -48,7 +48,7 @@ ThresholdOf = Callable[[ScoringProblem, FittedFloor, Sequence[Scan]], float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundTerm:
-    """A term of the formula, and those that cannot be told from it, the simplest first."""
+    """A term of the formula, and those that the data cannot separate from it, the simplest first."""
 
     name: str
     fit: TermFit
@@ -64,8 +64,8 @@ class FoundTerm:
 @dataclass(frozen=True, slots=True, eq=False)
 class Discovery:
     """terms: of the formula, none where nothing expressible fits; problem: with them accepted last; threshold: the
-    score by chance; quiet: whether they leave nothing but noise; complete: whether, besides, no other form says as
-    much; first: index of the first term among the accepted."""
+    score that chance reaches; quiet: whether only noise is left; complete: whether, in addition, no other form explains
+    as much; first: index of the first term among the accepted."""
 
     terms: tuple[FoundTerm, ...]
     problem: ScoringProblem
@@ -76,7 +76,7 @@ class Discovery:
 
 
 class AlarmOnRest(NamedTuple):
-    """The diagnosis' own alarm as it goes over what a formula leaves: its null distribution, the causes that these data
+    """The alarm of the diagnosis, applied to what a formula leaves: its null distribution, the causes that these data
     cannot show, and the candidates of these stops."""
 
     null: NullDistribution
@@ -97,8 +97,8 @@ def discover(
     threshold_of: ThresholdOf | None = None,
     most_terms: int = MAX_TERMS,
 ) -> Discovery:
-    """The formula for what a problem leaves, or none where it takes more terms. alarm: None where nobody asks whether
-    anything is left; threshold_of: the score by chance, where somebody has it already."""
+    """The formula for what a problem leaves, or none where it takes more terms. alarm: None where the residual is not
+    examined; threshold_of: the score that chance reaches, where it is known already."""
     search = _FormulaSearch(problem, seed, threshold_of)
     found: list[FoundTerm] = []
     bare, first = problem, len(problem.accepted)
@@ -136,7 +136,7 @@ class _FormulaSearch:
         return np.inf if self._threshold is None else self._threshold
 
     def is_exhausted(self, terms: int) -> bool:
-        """Whether the grammar has nothing more to say, not even nearly: what it cannot express it follows a little."""
+        """Whether no further term comes near the threshold: the grammar follows a little of what it cannot express."""
         return terms < MAX_TERMS and self._last_top < self.threshold - NEARLY_NATS
 
     def _drawn(self, problem: ScoringProblem, fitted: FittedFloor, scans: Sequence[Scan]) -> float:
@@ -202,7 +202,7 @@ class _FormulaSearch:
     def fitted_back(
         self, problem: ScoringProblem, found: list[FoundTerm], first: int
     ) -> tuple[ScoringProblem, list[FoundTerm]]:
-        """The terms found before the last one, each looked for again beside all others."""
+        """The earlier terms, each searched again beside all others."""
         for i in range(len(found) - 1):
             bare = problem.without(first + i)
             better = self.best(bare, found[i].name)
@@ -248,8 +248,8 @@ def _distinct_levels(problem: ScoringProblem, levels: Sequence[str]) -> Iterator
 
 
 def _group_terms(problem: ScoringProblem) -> Iterator[Term]:
-    """Terms that the rig's groups may have: an offset or a gain of each, and turns of its parts. Groups that are seen
-    less than twice each take up as many numbers as there are: no evidence speaks for them."""
+    """Terms that groups of the rig may have: an offset or a gain of each, and turns of its parts. Groups seen less than
+    twice each have as many numbers as there are readings of them, so no evidence can support them."""
     levels = [of for of in _distinct_levels(problem, ("common", "unit", *GROUP_LEVELS)) if of in GROUP_LEVELS]
     wanted = [("one", of) for of in levels] + [("own", of) for of in levels if of != "position"]
     if problem.view.grid.k == 3:
@@ -271,7 +271,7 @@ def _with_term(problem: ScoringProblem, found: FoundTerm, place: int | None = No
 
 
 def is_series(terms: Sequence[Term]) -> bool:
-    """Whether terms add up on one axis: likelier the beginning of a series for one law that the grammar does not know,
-    as of waves for a chirp, than several laws that nobody knew."""
+    """Whether several terms act on one axis. They are then more likely the beginning of a series for one law outside
+    the grammar, such as waves for a chirp, than several separate laws."""
     axes = [axis for term in terms for axis in {c.i for c in term.columns}]
     return len(set(axes)) < len(axes)

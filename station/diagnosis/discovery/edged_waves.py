@@ -1,7 +1,7 @@
-"""Waves with edges in place of a smooth one: square waves, saws and pulses, where they explain most.
+"""Waves with edges in place of a smooth one: square waves, sawtooths and pulses, where they explain most.
 
-An edge tells its own place sharply: a twentieth of a round beside it, a square wave loses a fifth of its length. So the
-best of a grid of frequencies and phases is moved about in ever smaller steps.
+An edge fixes its own position sharply: a twentieth of a period off, a square wave loses a fifth of its length. So the
+best of a grid of frequencies and phases is refined in ever smaller steps.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,8 +23,8 @@ MOVES = 6
 
 
 class EdgedWave(NamedTuple):
-    """above: how much of a round it stands above, none for a saw; drift: rounds by which it is ahead at the end of the
-    longest run."""
+    """above: the share of a period that it stands high, none for a sawtooth; drift: periods by which it is ahead at the
+    end of the longest run."""
 
     above: float | None
     drift: float

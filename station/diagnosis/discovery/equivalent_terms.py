@@ -1,4 +1,4 @@
-"""Terms that data cannot tell apart, and which of them to write down."""
+"""Terms that the data cannot separate, and which of them to write down."""
 
 from collections.abc import Sequence
 
@@ -22,16 +22,17 @@ CALIBRATED = frozenset({"one", "own"})
 
 
 def simplest(ranked: Sequence[TermFit], scene: Scene) -> TermFit:
-    """The best, or the simplest of those near it that are the same curve of the same input spelt with less."""
+    """The best term, or the simplest of those close to it that are the same curve of the same input in a shorter
+    form."""
     best = ranked[0]
     same = [f for f in ranked if f.odds > best.odds - SET_NATS and is_same_curve(f, best, scene)]
     return min(same, key=lambda f: (price(f.term), -f.odds))
 
 
 def is_same_curve(one: TermFit, two: TermFit, scene: Scene) -> bool:
-    """Whether two terms of one input, or of one component that the axis feels, differ by less than noise shows, at the
-    visits and at the temperatures and tilts between: a decay that lasts for ever is a constant, but a square and a
-    corner are two laws though only two temperatures were run, and so are a cube and a dead band at tilts of 45°."""
+    """Whether two terms of one input, or of one component that the axis feels, differ by less than noise shows, both at
+    the visits and at temperatures and tilts between them. A decay without end is a constant; but a square and a corner
+    are two laws even if only two temperatures were run, and so are a cube and a dead band at tilts of 45°."""
     if one.term.input != two.term.input and not (_of_own_tilt(one) and _of_own_tilt(two)):
         return False
     if not is_same_signal(one, two):
@@ -45,8 +46,8 @@ def is_same_signal(one: TermFit, two: TermFit) -> bool:
 
 
 def _apart_between(one: TermFit, two: TermFit, scene: Scene) -> float:
-    """Sum of squares by which two functions of temperature differ, if visits of such signals were spread evenly over
-    the temperatures; none where they are functions of anything else."""
+    """Sum of squares by which two functions of temperature differ if visits of such signals were spread evenly over the
+    temperatures; none for functions of anything else."""
     if {name for f in (one, two) for name in variables(f.term.factors[1].tree)} != {"T"}:
         return 0.0
     T = scene.require("temperature_degC")
@@ -86,8 +87,8 @@ def _apart_between_tilts(one: TermFit, two: TermFit, scene: Scene) -> float:
 
 
 def unparted(ranked: Sequence[TermFit], best: TermFit, spaces: TermSpaces) -> list[TermFit]:
-    """Those that are as likely as the best, and those that only their price puts behind it: no noise at these visits
-    could part them from it."""
+    """The terms that are as likely as the best, and those that only their price puts behind it: no noise at these
+    visits could separate them."""
     found = []
     for f in ranked:
         at = spaces.of(f.term)
@@ -97,8 +98,8 @@ def unparted(ranked: Sequence[TermFit], best: TermFit, spaces: TermSpaces) -> li
 
 
 def _bends_alike(fit: TermFit, best: TermFit, at: TermSpace) -> bool:
-    """Whether another shape of what the axis feels can be bent to the best's signal, though between the tilts of these
-    visits the two are two laws: tuned to the noise, it lies a little beside it."""
+    """Whether another shape of what the axis feels can be bent to the signal of the best, although the two are
+    different laws between the tilts of these visits: fitted to the noise, it lies slightly beside it."""
     shape, fields = fit.term, constants(fit.term.factors[0].tree)
     if not fields or shape.input == best.term.input or shape.modulator != best.term.modulator:
         return False
@@ -117,7 +118,7 @@ def _distance(one: TermFit, two: TermFit) -> float:
 
 
 def other_families(near: Sequence[TermFit], best: TermFit, scene: Scene) -> tuple[TermFit, ...]:
-    """The best of each family but the leader's own, the simplest first; no longer spelling of the leader's curve."""
+    """The best of each family other than the leader's, the simplest first; no longer form of the leader's curve."""
     found: dict[tuple[str, str], TermFit] = {}
     for f in near:
         longer = price(f.term) > price(best.term) and is_same_curve(f, best, scene)

@@ -1,10 +1,10 @@
-"""One law on several axes, found one axis after the other, as one term.
+"""One law on several axes, found axis by axis, merged into one term.
 
-The scan tries all axes of a product together and each alone. A law that each axis feels of another one, or of too many
-coefficients for all pairs at once, is found as terms of one family, each with a frequency or time constant of its own;
-so is what a first term leaves whose constant was tuned while the rest of the law was still in the way. What is left on
-another axis may be weak: then noise decides which family leads there, and one law is likelier than two that the first
-one's family cannot be told from.
+The scan tries all axes of a product together and each alone. A law in which each axis follows another one, or with too
+many coefficients for all pairs at once, is found as several terms of one family, each with a frequency or time constant
+of its own. The same happens to the remainder of a first term whose constant was fitted while the rest of the law was
+still in the data. The signal left on another axis may be weak; noise then decides which family leads there, and one law
+is more likely than two if the data cannot separate them.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ Spellings = Sequence[TermFit]
 
 
 class TermPair:
-    """Two terms that a problem has accepted, each with those that it cannot be told from; bare: the problem without
+    """Two terms accepted by a problem, each with those that the data cannot separate from it; bare: the problem without
     them."""
 
     def __init__(self, problem: ScoringProblem, first: int, second: int, one: Spellings, two: Spellings) -> None:
@@ -31,8 +31,8 @@ class TermPair:
         self._spaces = TermSpaces(self.bare, self._floor)
 
     def as_one(self, levels: tuple[str, ...]) -> TermFit | None:
-        """Both as one term of a family that either may be, with the constants of either tuned anew; None where two
-        terms say more."""
+        """Both as one term of a family that either may be, with the constants of either fitted anew; None where two
+        terms explain more."""
         others = {f.term.family: f.term for f in reversed(self._two)}
         pairs = [(f.term, others[f.term.family]) for f in self._one if f.term.family in others]
         fits = [refine(t.with_axes({*a.axes, *b.axes}), self._spaces.of(t)) for a, b in pairs for t in (a, b)]

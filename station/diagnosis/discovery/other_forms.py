@@ -1,17 +1,17 @@
-"""Whether another form says as much as a term: edges, other laws of the temperature's rate, or none at all.
+"""Whether another form explains as much as a term: edges, other laws of the temperature's rate, or free numbers.
 
-Smooth forms differ from a term by what the first few orders of a curve show. Edges (a step of a covariate or of what is
-felt, a square wave, a saw) differ by a little in many orders,
-and where a wave has few visits a round by none that is seen: so they stand as laws of their own beside the term. They
-are far from any curve that is not theirs, so that chance hardly ever puts them ahead.
+A smooth alternative differs from a term in the first few orders of a curve. Edges (a step of a covariate or of what is
+felt, a square wave, a sawtooth) differ slightly in many orders, and where a wave has few visits a period in none that
+can be seen. They are therefore tried as laws of their own. They are far from any other curve, so chance hardly ever
+puts them ahead.
 
-The rate of a temperature stands in the grammar straight only. Its size and square, a temperature that lags and one
-that comes back on another branch follow much the same course, and the thermometer blurs what is left: these must be
-clearly behind.
+The grammar holds the rate of a temperature only as a straight line. Its magnitude and square, a lagging temperature and
+one that returns on another branch follow nearly the same course, and the thermometer blurs the difference: these must
+be clearly behind.
 
-Where each position, nest or run has coefficients of its own, hardly anything may be left to show their course: a wave
-of each position through three runs has two numbers for three. There the law without any form is asked, a number for
-each occasion that all units share.
+Where each position, nest or run has its own coefficients, too few numbers may be left to show their course: a wave of
+each position through three runs has two numbers for three readings. There the alternative is a law without a form: one
+number for each occasion, shared by all units.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,7 +48,7 @@ MOST_UNITS = 12
 
 
 def another_form_says_as_much(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
-    """Whether another form in place of any of some terms, which are what was accepted last, explains as much."""
+    """Whether another form in place of any of the terms, which were accepted last, explains as much."""
     first, floor = len(problem.accepted) - len(terms), visit_noise(problem)
     if floor.noise <= 0:  # single readings show no noise of their own: what all of them together leave stands for it
         floor = problem.fit().floor
@@ -71,12 +71,12 @@ def another_form_says_as_much(problem: ScoringProblem, terms: Sequence[Term]) ->
 
 
 def _is_another_curve(one: TermFit, two: TermFit) -> bool:
-    """Whether two fits are further apart than noise shows: a rate that is never negative is its own size."""
+    """Whether two fits are further apart than noise shows: a rate that is never negative equals its magnitude."""
     return bool(np.sum((one.signal - two.signal) ** 2) > BEYOND_NOISE**2)
 
 
 def _no_form_says_as_much(own: TermFit, at: TermSpace) -> bool:
-    """Whether a number for each occasion is as likely as a term of groups, its price included."""
+    """Whether a free number for each occasion is as likely as a term of groups, its price included."""
     columns = _each_occasion(own.term, at.view)
     if columns.shape[2] > MOST_FREE_GROUPS:
         return False

@@ -1,9 +1,9 @@
-"""One other curve for all that a term of a formula does: its sizes as found, its form any smooth one.
+"""One other curve in place of a term: its sizes as found, its form any smooth one.
 
-Where a law has another form than the term that follows it, what is left is large where the term is. One curve for all
-units and axes, each times its size, therefore shows with a few numbers what curves of each unit's own need hundreds
-for (Neyman's smooth test). The rest is free of the errors of the sizes, so that chance is easily told. Where a law has
-one covariate more than the term, the term's size goes with it.
+Where a law has another form than the term that follows it, the residual is large where the term is. One curve for all
+units and axes, scaled by each size, therefore shows with a few numbers what separate curves of each unit need hundreds
+for (Neyman's smooth test). The residual is free of the errors of the sizes, so its chance is easily computed. Where a
+law has one covariate more than the term, the size of the term varies with it.
 """
 
 from collections.abc import Iterable, Iterator

@@ -1,9 +1,9 @@
-"""What it takes to write a formula down, in nats: a choice that the data must pay for.
+"""The description length of a formula in nats: the price of a choice, which the data must pay for.
 
-The nodes of the tree, which of its axes and who shares it, and each free constant to the precision that data of some
-hundred numbers give it (a description length; Bartlett, Desmond, Ferreira, IEEE Trans. Evol. Comp. 28 (2024) 950).
-A node takes half a nat: of two trees the longer is a little less likely beforehand, and what the data say outweighs it
-soon. A corner or a jump at some value is an event that laws of most devices do without: its tree is the longer one.
+Counted are the nodes of the tree, the choice of axes and of the level of sharing, and each free constant to the
+precision that some hundred numbers give it (Bartlett, Desmond, Ferreira, IEEE Trans. Evol. Comp. 28 (2024) 950). A node
+costs half a nat: of two trees the longer is slightly less likely beforehand, and the data soon outweigh that. A corner
+or a jump at some value is an event that laws of most devices do without: its tree is the longer one.
 """
 
 from functools import cache

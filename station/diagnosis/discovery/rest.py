@@ -1,12 +1,12 @@
 """Whether what a formula leaves is noise: its size, and whether any of it repeats.
 
-A law that no formula expresses is followed a little, and what is left hardly enlarges the whole. It repeats, though:
-at the same visit of the same run of all units, at one position, at one level of what was recorded, on one axis, times
-what the axes feel. Each such pattern is left free altogether, one mean for each of its groups; as the scatter within
-the visits says how large noise makes it, its sum of squares is a χ² (lack of fit on replicated points).
+A law outside the grammar is followed a little, and what is left hardly enlarges the residual as a whole. But it
+repeats: at the same visit of the same run of all units, at one position, at one level of a covariate, on one axis, or
+in proportion to what the axes feel. Each such pattern is fitted freely, one mean for each of its groups. The scatter
+within the visits says how large noise makes it, so its sum of squares is a χ² (lack of fit on replicated points).
 
-The curves of the formula's own terms are looked at first: where a term is the whole law, points lie about its curve as
-noise puts them. They are few, and therefore have chance of their own.
+The curves of the formula's own terms are tested first and at a level of their own, because they are few: where a term
+is the whole law, points scatter about its curve as noise alone makes them.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -50,7 +50,7 @@ class Pattern(NamedTuple):
 
 
 def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
-    """Whether what a formula of some terms leaves is no larger than the visits' own noise, and repeats nowhere."""
+    """Whether what a formula leaves is no larger than the visits' own noise and repeats nowhere."""
     floor = visit_noise(problem)
     if floor.noise <= 0:
         return True
@@ -67,8 +67,8 @@ def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
 
 
 def visit_noise(problem: ScoringProblem) -> NoiseFloor:
-    """The floor that the scatter of the samples within the visits makes, without any of their own. Single readings
-    show none: the floor that fits is theirs."""
+    """The floor that the scatter of the samples within the visits implies, without any scatter of the visits
+    themselves. Single readings show none: they have the noise of the floor that fits."""
     reduced = problem.view.reduced
     if not reduced.sigma > 0:
         return NoiseFloor(problem.fit().floor.noise, 0.0, 0.0)
@@ -98,8 +98,8 @@ def axis_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
 
 
 def prior_chances(units: ScannedUnits, space: ResidualSpace) -> Iterator[float]:
-    """The chance that what is known by a prior alone, such as the error of a covariate, is as far off as it is: a term
-    must not follow a law by bending its covariate."""
+    """The chance that what is known only by a prior, such as the error of a covariate, is as far off as it is: a term
+    must not fit a law by bending its covariate."""
     grid = units.setting.layout.grid
     _, R, V = grid.slot.shape
     # What changes within the dwells stands between the visits' means and what is known beforehand.

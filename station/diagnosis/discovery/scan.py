@@ -1,8 +1,7 @@
 """All terms of a library judged at once: one product of matrices with what the causes of the library left.
 
-The columns are whitened and freed of what is known, as the floor sees them. A choice is a term with some of its axes
-and one set of coefficients for all units, or one a unit; of a choice the share of the sum of squares that it takes up
-is all that its evidence needs.
+The columns are whitened by the floor and freed of what is known. A choice is a term with some of its axes and one set
+of coefficients, for all units or for each; its evidence needs only the share of the sum of squares that it takes up.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""One term judged exactly in a space, and its constants at their best."""
+"""One term judged exactly in a space, with its constants fitted."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -175,7 +175,7 @@ def _orthonormal(columns: Floats, length: Floats, *, own: bool) -> tuple[Floats,
 
 
 def _remaining(basis: Floats, space: ResidualSpace, *, own: bool) -> tuple[float, float, Floats]:
-    """Sums of squares before and after, and what the basis takes up (U, M), shared known columns at their best."""
+    """Sums of squares before and after, and what the basis takes up (U, M), with the shared known columns fitted."""
     before, shared = space.rest, space.shared_basis
     if not own:
         flat = basis.reshape(space.data.size, -1)
@@ -199,7 +199,7 @@ def _onto(basis: Floats, data: Floats) -> Floats:
 
 
 def refine(term: Term, at: TermSpace) -> TermFit:
-    """The term with its constants at their best, one after the other, and the room that the data leave them."""
+    """The term with its constants fitted one after the other, and how much of their prior range the data leave."""
     best = fit_term(term, at)
     fields = term.fields
     room = dict.fromkeys(fields, 0.0)
@@ -271,8 +271,8 @@ def search_between(low: float, high: float, at: Callable[[float], float]) -> Non
 
 
 def _tops(points: Sequence[float], at: Callable[[float], float]) -> Iterator[tuple[float, float]]:
-    """The neighbours about the highest tops of a function on some points, if they are near the highest of all: a narrow
-    top between two points is higher than either."""
+    """The neighbours of the highest maxima of a function on a grid, if these are near the highest of all: a narrow
+    maximum between two points may be higher than either."""
     ends = [-np.inf, *(at(x) for x in points), -np.inf]
     tops = [i for i in range(len(points)) if ends[i] <= ends[i + 1] >= ends[i + 2]]
     tops.sort(key=lambda i: -at(points[i]))
@@ -299,7 +299,7 @@ def constant_stds(fit: TermFit, at: TermSpace) -> dict[str, float]:
 
 
 def _std_of(fit: TermFit, field: str, value: float, at: TermSpace) -> float:
-    """The rms of how far one may go to either side until the evidence has fallen by a half nat; of one side alone,
+    """The rms of how far one may go to either side until the evidence has fallen by half a nat; of one side alone,
     where the other never ends."""
     best, first = fit_term(fit.term, at).evidence, 1e-3 * max(abs(value), 1e-3)
 

@@ -1,4 +1,5 @@
-"""What a campaign in which nothing was found could not have shown: causes at their usual size, and what shows them.
+"""What a campaign in which nothing was found could not have shown: causes at their usual size, and what would show
+them.
 
 That the simulation accounts for a few visits says little: hardly anything could have contradicted it.
 """

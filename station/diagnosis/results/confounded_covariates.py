@@ -1,4 +1,4 @@
-"""Covariates that these data do not tell apart: a temperature that only rises in a run is a time."""
+"""Covariates that these data do not separate: a temperature that only rises in a run is as good as time."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ DEGREE, MOST_LEFT, LEAST_VISITS = 3, 0.02, 8
 
 
 def with_confounded(words: tuple[str, ...], view: ResidualView) -> tuple[str, ...]:
-    """Covariates of `unknown.depends_on`, and after them what is but a curve of one of them in each unit."""
+    """Covariates of `unknown.depends_on`, followed by those that are merely a curve of one of them in each unit."""
     T, time = view.scene.temperature_degC, view.scene.time_s
     if T is None:
         return words

@@ -106,8 +106,8 @@ def _erring(bare: ScoringProblem, space: ResidualSpace, item: AcceptedCause, val
 
 
 def _moments(prior: Floats, likely: Sequence[ErringCause], value: Floats, spread: Floats) -> tuple[Floats, Floats]:
-    """Means and deviations (u, a) of coefficients near value (u, a), whose own deviation is one of spread (ρ), where
-    the covariate's course is one that is so likely (courses), as its logarithm says."""
+    """Means and deviations (u, a) of coefficients near value (u, a). Their own deviation is one of spread (ρ), and the
+    course of the covariate one of several, whose log prior is courses."""
     rng, best = np.random.default_rng(SEED), int(prior.argmax())
     count = max(LEAST_DRAWS, min(DRAWS, DRAWS_OF_ALL // len(value)))
     precision = likely[best].curvature(value) + np.eye(value.shape[1]) / spread.max() ** 2

@@ -38,7 +38,7 @@ DiagnosisVerdict = Literal["none", "named", "incomplete", "unknown"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
-    """A cause found: the finding, its size (None of a variance of the floor) and its gain."""
+    """A cause found: the finding, its size (None for a variance of the floor) and its gain."""
 
     finding: CauseFinding
     estimate: Estimate | None
@@ -90,8 +90,10 @@ class Diagnosis:
 
 
 def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFactory) -> Diagnosis:
-    """Diagnoses a table. Errors: SamplesError when a position or seating is not in the recipe, or hardly anything is
-    in the table."""
+    """Diagnoses a table.
+
+    Errors: SamplesError when a position or seating is not in the recipe, or when the table holds hardly anything.
+    """
     input_checks.check(recipe, table)
     cut = recut(recipe, table.used())
     inspected = inspect(recipe, cut.table)
@@ -109,7 +111,7 @@ def diagnose_reduced(
     model: Model,
     null_of: NullFactory,
 ) -> Diagnosis:
-    """The same of samples that were inspected and reduced already."""
+    """The same for samples that were already inspected and reduced."""
     known = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in known)
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
@@ -167,7 +169,8 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
 
 
 def _with_doubts(d: Diagnosis) -> Diagnosis:
-    """The diagnosis with what depends on something that an unlikely cause does not follow: its name is not all."""
+    """The diagnosis with what the remainder depends on, where an unlikely cause does not follow it: its name is not the
+    whole truth."""
     words = (*d.depends_on, *(word for cause in d.causes for word in cause.finding.doubts))
     return replace(d, depends_on=with_confounded(tuple(dict.fromkeys(words)), d.last.view))
 
@@ -199,13 +202,13 @@ def _causes(
 
 
 def _cause(finding: CauseFinding, estimate: Estimate | None, gain: HeldOutGain) -> Cause:
-    """A cause; one that held-out data do not confirm is no surer than they are that it gains anything."""
+    """A cause; its probability is at most that of any gain on held-out data."""
     return Cause(finding if gain.accepted else finding.at_most(gain.chance), estimate, gain)
 
 
 def _gain(last: ScoringProblem, first: int, i: int, floor: NoiseFloor) -> HeldOutGain:
-    """The gain of accepted cause i, of those from the first one on that were found: of what all units share and what
-    each has beside it together, because either is half of the other."""
+    """The gain of accepted cause i among those from the first one on that were found. What all units share and what
+    each has beside it are counted together, because each is half of the other."""
     name = last.accepted[i].candidate.name
     same = [k for k in range(first, len(last.accepted)) if last.accepted[k].candidate.name == name]
     same.sort(key=lambda k: last.accepted[k].candidate.of not in PER_UNIT_LEVELS)
@@ -213,8 +216,8 @@ def _gain(last: ScoringProblem, first: int, i: int, floor: NoiseFloor) -> HeldOu
 
 
 def _remainder(searched: SearchResult, faults: tuple[GrossFault, ...], causes: tuple[Cause, ...]) -> tuple[str, ...]:
-    """On what depends that which no accepted cause explains: a kernel that is left, or the kernels that follow an alarm
-    whose cause gains nothing that held-out data confirm, or what such a cause itself acts by."""
+    """What the remainder depends on: a kernel that is left, or the kernels that follow an alarm whose cause gains
+    nothing on held-out data, or what such a cause itself acts by."""
     unconfirmed = [f.effect for f in faults if f.gain is None]
     if not searched.findings or any(cause.gain.accepted for cause in causes):
         return tuple(dict.fromkeys((*searched.words, *map(_acts_by, unconfirmed))))
@@ -230,7 +233,7 @@ def _acts_by(effect_id: str) -> str:
 
 
 def _still_exceeds_allowance(finding: CauseFinding, searched: SearchResult, floor: FittedFloor) -> bool:
-    """Whether a part of the floor stays beyond what a healthy rig may have, now that every cause is known."""
+    """Whether a variance of the floor still exceeds what a healthy rig may have, with every cause known."""
     part = 1 if finding.name == "repeatability" else 2
     return bool(floor.floor.variances[part] > searched.first.upper[part])
 
@@ -256,7 +259,7 @@ def floor_rms(problem: ScoringProblem, floor: FittedFloor) -> float:
 
 
 def calibration_shift(problem: ScoringProblem, before: ScoringProblem) -> Mapping[str, Floats]:
-    """What the causes do to each unit's calibration: by how much offset and gain move once they are known, (6)."""
+    """How far the causes move the calibration of each unit: offset and gain (6)."""
     now, then = problem.view.base, before.view.base
     gain = np.diagonal(now.matrix - then.matrix, axis1=1, axis2=2)
     moved = np.concatenate([now.offset - then.offset, gain], axis=1)

@@ -84,8 +84,8 @@ def _hypotheses(d: Diagnosis) -> dict[str, Any]:
 
 
 def within_visit_rms(d: Diagnosis) -> float:
-    """Rms of a visit's mean that the scatter of its own samples makes: what is left where no floor may be trusted. 0
-    where each visit is one reading, which tells nothing of it."""
+    """Rms of a visit's mean due to the scatter of its own samples, for use where no floor can be trusted; 0 where each
+    visit is a single reading, which shows no scatter."""
     view = d.search_result.first.view
     count = view.reduced.count.sum(1)
     return float(view.sigma / np.sqrt(count.mean())) if count.max() > 1 else 0.0
@@ -105,7 +105,7 @@ def sentence(d: Diagnosis) -> str:
 
 
 def cause_names(findings: Iterable[CauseFinding]) -> list[str]:
-    """Each cause once, with those that it cannot be told from: one of two forms is found twice."""
+    """Each cause once, with those that it cannot be told from; a cause with two forms was found twice."""
     forms: dict[str, list[CauseFinding]] = {}
     for finding in findings:
         forms.setdefault(finding.name, []).append(finding)
@@ -119,7 +119,7 @@ def _cause_name(name: str, found: Sequence[CauseFinding]) -> str:
 
 
 def _reservations(d: Diagnosis) -> list[str]:
-    """What must be said beside a finding of nothing."""
+    """What must be said beside a verdict of none."""
     return [render(m) for m in blind_spot_messages(d, within_visit_rms(d))] if d.verdict == "none" else []
 
 

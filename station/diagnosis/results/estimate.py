@@ -1,4 +1,4 @@
-"""How large the found causes are, with standard deviations that cover."""
+"""The sizes of the causes found, with standard deviations that cover."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ class Estimate:
 
 
 def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Estimate, ...]]:
-    """The problem with every form at its best beside the other causes, and the estimates of all accepted causes."""
+    """The problem with every form fitted beside the other causes, and the estimates of all accepted causes."""
     forms: list[tuple[FormPosterior, ...]] = []
     items = list(problem.accepted)
     fitted = problem.fit()
@@ -63,7 +63,7 @@ def _estimates(form: Sequence[FormPosterior]) -> tuple[FormEstimate, ...]:
 
 
 def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[AcceptedCause, tuple[FormPosterior, ...]]:
-    """A cause with its form as the data say, the others as they are."""
+    """A cause with its form fitted, the others as they are."""
     item = problem.accepted[i]
     parameters = tunable_parameters(item.candidate.effect)
     if not parameters:
@@ -96,9 +96,9 @@ def _white(problem: ScoringProblem, fitted: FittedFloor) -> WhiteRows:
 def _size(
     problem: ScoringProblem, i: int, value: Floats, std: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
 ) -> tuple[Floats, Floats]:
-    """A cause's coefficients (groups, axes) and their standard deviation about them, of which 1.96 cover 95 %: what is
-    not known of their usual size, which shrinks them, of their covariate, of the form and of the noise counts, too.
-    value, std: where all are as estimated."""
+    """A cause's coefficients (groups, axes) and standard deviations of which 1.96 cover 95 %. They include the
+    uncertainty of the usual size, which shrinks the coefficients, of the covariate, of the form and of the noise.
+    value, std: with all of these as estimated."""
     item = problem.accepted[i]
     if item.candidate.effect is None or np.any(item.mean):
         # Of a kernel, or of a cause that a model file states with deviations of its own.
@@ -121,7 +121,8 @@ def _size(
 
 
 def students_share(dof: int) -> float:
-    """The 97.5 % quantile of Student's t, of a noise known from so many numbers, over that of Gauss' distribution."""
+    """The 97.5 % quantile of Student's t over that of the normal distribution, for a noise known from so many
+    numbers."""
     return float(scipy.special.stdtrit(max(dof, 1), COVERED) / scipy.special.ndtri(COVERED))
 
 

@@ -10,10 +10,8 @@ from station.model.model_file import Model, ModelEffect, ModelParameter, measure
 
 
 def extend_model(model: Model, d: Diagnosis) -> Model:
-    """The model with every fault and every accepted cause, parameters with standard deviations.
-
-    A cause whose gain on held-out data is within chance (2 SE) stays out, as does a formula.
-    """
+    """The model with every fault and every accepted cause, parameters with standard deviations. Causes whose gain on
+    held-out data is within chance (2 SE) are left out, and so are formulas."""
     named = {effect.effect for effect in model.effects}
     faults = [_fault_effect(f) for f in d.faults if f.effect not in named]
     found = (effect for c in d.causes if c.gain.accepted for effect in _cause_effects(c, d))
@@ -21,7 +19,7 @@ def extend_model(model: Model, d: Diagnosis) -> Model:
 
 
 def _formula_effects(model: Model, d: Diagnosis) -> Iterator[ModelEffect]:
-    """The terms of a formula that was proposed, numbered on from those of the model."""
+    """The terms of a proposed formula, numbered after those of the model."""
     if d.hypotheses is None:
         return
     from station.diagnosis.results.hypothesis_document import model_effects

@@ -1,8 +1,8 @@
-"""One formula in place of several causes, looked for before them.
+"""A single formula in place of several causes, looked for before them.
 
-Where no cause follows most of what is there, several that share a little with one law are found one after the other,
-each at the price of some looks at the whole bank. A formula of one term that leaves nothing but noise takes their place
-in the end (`imitators.py`): so it is looked for first. What is found here is not looked for again.
+Where no cause follows most of the signal, several causes that each share a little with one law are found one after the
+other, at the price of several passes over the whole bank. A formula of one term that leaves only noise replaces them in
+the end (`imitators.py`), so it is looked for first, and what is found here is not looked for again.
 """
 
 import numpy as np
@@ -24,8 +24,8 @@ AHEAD_OF_CAUSES, AHEAD_OF_KERNELS = 1.3, 1.1
 
 
 def law_alone(search: CauseSearch, cause_nats: float, kernel_nats: float) -> LawAlone | None:
-    """The formula of at most one term that stands for everything before any cause is known, and whether nothing need
-    be looked for beside it; None where the best cause leaves too little to look for one."""
+    """The formula of at most one term that explains everything before any cause is known, and whether nothing else need
+    be looked for; None where the best cause leaves too little for a formula."""
     problem = search.first.problem
     every = _explainable_nats(problem)
     if search.null is None or every < LEAST_NATS or cause_nats > FOLLOWED_SHARE * every:
@@ -44,7 +44,7 @@ def _is_whole(found: Discovery, least: float) -> bool:
 
 
 def _explainable_nats(problem: ScoringProblem) -> float:
-    """The log-likelihood that is gained where all is explained but what the largest healthy floor makes."""
+    """The log-likelihood gained if everything were explained except what the largest healthy floor makes."""
     noise = visit_noise(problem).noise
     if noise <= 0:
         return 0.0

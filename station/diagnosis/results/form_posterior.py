@@ -1,8 +1,8 @@
-"""What the data say of a time constant: not a peak with a curvature, but weights over the values that it may have.
+"""What the data say of a time constant: weights over the values that it may have, not a peak with a curvature.
 
-Two constants may fit as well as each other over a decade, with amplitudes that differ by as much. The curvature at the
-best one says nothing of that, so the evidence is summed up over the logarithm of the constant, all values beforehand
-as likely (Jeffreys), and the coefficients' intervals take up how they move with it.
+Two constants a decade apart may fit equally well, with amplitudes that differ as much. The curvature at the best value
+does not show that. The evidence is therefore summed over the logarithm of the constant with a uniform prior (Jeffreys),
+and the intervals of the coefficients include how they move with it.
 """
 
 import math
@@ -27,7 +27,7 @@ LAST_NATS, MOST_VALUES = 6.0, 24
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FormPosterior:
-    """estimate: mean and standard deviation of a parameter of the form, by its logarithm; values, weights (n): what it
+    """estimate: mean and standard deviation of a parameter of the form, on its logarithm; values, weights (n): what it
     may be, and how likely."""
 
     estimate: FormEstimate

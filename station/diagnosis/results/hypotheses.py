@@ -1,4 +1,4 @@
-"""Formulas for what no cause of the library explains: sized, and accepted only where they gain on held-out data."""
+"""Formulas for what no cause of the library explains: sized, and accepted only if they gain on held-out data."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -53,9 +53,9 @@ class Hypotheses:
         return tuple(dict.fromkeys(word for t in self.terms for word in term_covariates(t.found.fit.term)))
 
     def words_of_rest(self, left: tuple[str, ...]) -> tuple[str, ...]:
-        """On what that depends which no cause explains, where the words before the formula were `left`: it may stand in
-        the place of causes that left nothing. Where it shares no covariate with them, one of the two is wrong; nothing
-        here says which, so both are said."""
+        """What the remainder depends on that no cause explains. `left` holds the words before the formula, which may
+        have replaced causes that left nothing. Where the two share no covariate, one of them is wrong and the data do
+        not say which, so both are given."""
         own = self.covariates
         if not left or (self.complete and set(own) & set(left)):
             return own
@@ -159,9 +159,9 @@ def _moved_by(
     value: Floats,
     floor: FittedFloor,
 ) -> Floats:
-    """By how much the coefficients move when a constant does by its standard deviation to either side, or to the end of
-    its range, beyond which a deviation says only that the data do not tell the constant; rms, as they may move alike:
-    of a saturation's bend only the size counts."""
+    """How far the coefficients move when a constant moves by its standard deviation to either side, or to the end of
+    its range (beyond it the deviation only says that the data do not determine the constant). Rms, as coefficients may
+    move together; only the size matters for the bend of a saturation."""
     low, high = term.fit.term.range_of(form.field)
     ends = []
     for sign in (-1, 1):

@@ -1,4 +1,4 @@
-"""A proposed formula as `unknown.hypotheses` of the document has it."""
+"""A proposed formula in the form of `unknown.hypotheses` in the document."""
 
 from collections.abc import Iterator, Sequence
 from itertools import count
@@ -80,7 +80,8 @@ def _term_row(t: HypothesisTerm, unit: str) -> dict[str, Any]:
 
 
 def _rival(f: TermFit, best: TermFit, unit: str) -> dict[str, Any]:
-    """A formula that cannot be told from the best: by how many nats it is behind, and the cosine of the two signals."""
+    """A formula that the data cannot separate from the best: how many nats it is behind, and the cosine of the two
+    signals."""
     length = float(((f.signal**2).sum() * (best.signal**2).sum()) ** 0.5)
     cosine = float((f.signal * best.signal).sum()) / length if f.signal.shape == best.signal.shape and length else None
     return {

@@ -1,16 +1,18 @@
-"""Causes of the library that only imitate a law which one formula states whole.
+"""Causes of the library that only imitate a law which a single formula states.
 
-A law of two covariates is followed a little by causes of one: quadratic and warm-up share what a square that follows
-the rate of the temperature does. Each alarms, and each gains on held-out data, for a part of it is true. So the formula
-is looked for once more with none of them known. Where it then leaves nothing, more likely and in fewer terms, or where
-nothing else did, they go; so do those that leave something, or that laws of no cause are likelier than, where it says
-more in fewer terms. One that says the same as a term of the formula stays in its place, for its physics is
-known. So do causes that together are the formula: cross-axis and rotation are all of a matrix outside its diagonal, and
-one formula writes it in one term. And so do causes whose laws a formula's terms are, with other coefficients for a
-unit or an axis: what units have in common and what each has beside it are found one after the other.
+Causes of one covariate each follow a law of two covariates a little: `quadratic` and `warm-up` share part of a square
+that follows the rate of the temperature. Each of them alarms and gains on held-out data, because a part of it is true.
+So the formula is searched once more with none of them known. The causes are dropped where the formula then leaves only
+noise and is more likely with fewer terms, or is the only explanation that leaves noise. Causes that leave something, or
+that laws of no cause beat, are dropped where it explains more with fewer terms.
 
-A single cause goes, too, where it leaves what is no noise and one term leaves none: a wave is followed by a step. It
-stays where another that these data cannot tell from it leaves none in its place: that is known physics.
+A cause that says the same as a term of the formula keeps its place, because its physics is known. So do causes that
+together are the formula: `cross-axis` and rotation are all off-diagonal gains of a matrix, which one term writes. And
+so do causes whose laws are the terms of the formula with other coefficients for a unit or an axis: what units have
+in common and what each has beside it are found one after the other.
+
+A single cause is also dropped where its remainder is not noise and that of one term is: a step follows a wave. It stays
+where another cause that these data cannot separate from it leaves only noise, since that is known physics.
 """
 
 from collections.abc import Sequence
@@ -42,7 +44,7 @@ LOOSE = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Explanation:
-    """What accounts for the data: causes of the library, and a formula beside them; None where nothing needs one."""
+    """What accounts for the data: causes of the library and a formula beside them; None where none is needed."""
 
     causes: tuple[AcceptedCause, ...]
     formula: Hypotheses | None
@@ -63,8 +65,8 @@ def simplest_explanation(
     doubtful: bool,
 ) -> Explanation:
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
-    that gain on held-out data; whole: whether these leave nothing; doubtful: whether laws of no cause are likelier than
-    one of them."""
+    that gain on held-out data; whole: whether these leave only noise; doubtful: whether laws of no cause are more
+    likely than one of them."""
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, samples))
     alone_and_likely = whole and not doubtful and len(paying) < LEAST_CAUSES
     if not paying or (alone_and_likely and _leaves_noise(searched, last, paying[0])):
@@ -95,7 +97,7 @@ def _of_fewest_causes(
     last: ScoringProblem,
     samples: SampleSource,
 ) -> Explanation:
-    """Those of the causes whose laws a formula writes, where they leave nothing; else all."""
+    """Those of the causes whose laws the formula writes, if they leave only noise; otherwise all."""
     if len(written) == len(with_causes.causes):
         return with_causes
     fewer = Explanation(written, propose_formula(searched, last, written, samples))
@@ -103,7 +105,7 @@ def _of_fewest_causes(
 
 
 def _leaves_noise(searched: SearchResult, last: ScoringProblem, cause: AcceptedCause) -> bool:
-    """Whether nothing but noise is left beside a cause, or beside any in its place that it cannot be told from."""
+    """Whether a cause, or one in its place that the data cannot separate from it, leaves only noise."""
     if is_noise(last, ()):
         return True
     (i,) = (i for i, item in enumerate(last.accepted) if item is cause)
@@ -117,8 +119,8 @@ def _is_quiet(explanation: Explanation) -> bool:
 
 
 def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProblem) -> bool:
-    """Whether a formula accounts for everything in fewer parts, or in as many far more nearly, and more likely by what
-    it costs to write them down."""
+    """Whether a formula explains everything in fewer parts, or in as many but far more closely, and is more likely
+    after its price."""
     problem = _alike(last if with_causes.formula is None else with_causes.formula.problem)
     bare = _in_noise_of(_alike(alone.problem), problem)
     causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
@@ -128,15 +130,15 @@ def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProble
 
 
 def _in_noise_of(problem: ScoringProblem, other: ScoringProblem) -> ScoringProblem:
-    """A problem with contrasts in units of the noise of another's: each estimates it beside what is known there, and a
+    """A problem with contrasts in units of another's noise. Each estimates that noise beside what is known there, and a
     hundredth of it, over all contrasts, is more than two forms of one law differ by."""
     return problem_in_view(problem, replace(problem.view, sigma=other.view.sigma), problem.accepted)
 
 
 def _alike(problem: ScoringProblem) -> ScoringProblem:
-    """The problem with every coefficient held by the size that those of its cause or term have once hardly anything
-    holds them. A prior takes half a nat off each coefficient that it is no wider than: of two spellings of one law the
-    looser would be the likelier. And where a walk may take up a slope, a cause has come out too small to follow it."""
+    """The problem with a prior on every coefficient as wide as its cause or term came out without one. A prior costs
+    half a nat for each coefficient where it is no wider than that, so of two forms of one law the looser would be the
+    likelier. And where a walk may absorb a slope, a cause has come out too small to follow it."""
     free = refined(problem.with_accepted([_hardly_held(item) for item in problem.accepted]), rounds=2)
     return free.with_accepted([_held_by_size(item) for item in free.accepted])
 
@@ -160,13 +162,13 @@ def _price(formula: Hypotheses | None) -> float:
 
 
 def _profile(problem: ScoringProblem) -> float:
-    """Log-likelihood of the readings beside everything known, over all coefficients that their priors allow."""
+    """Log-likelihood of the readings beside everything known, with the coefficients fitted under their priors."""
     priors = np.concatenate([problem.known.per_unit_precision.ravel(), problem.known.shared_precision])
     return problem.fit().space.profile + 0.5 * float(np.sum(np.log(priors[priors > 0])))
 
 
 def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[AcceptedCause, ...]:
-    """The causes that say the same as a term of the formula: in its place they leave no more, but for its price."""
+    """The causes that say the same as a term of the formula: in its place they leave no more, apart from its price."""
     if len(alone.terms) < 2:
         return ()
     whole = _profile(_alike(alone.problem))
@@ -181,8 +183,8 @@ def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[Acce
 
 
 def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool:
-    """Whether all that a formula can do the causes together do exactly, with no more coefficients: one law written
-    twice. Causes that several units share are another law than a formula of each unit."""
+    """Whether the causes together can do exactly what a formula can, with no more coefficients: one law written twice.
+    Causes shared by several units are another law than a formula of each unit."""
     bare = alone.problem
     first = len(bare.accepted) - len(alone.terms)
     terms = bare.accepted[first:]
@@ -205,8 +207,8 @@ def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool
 
 
 def _written_in(alone: Hypotheses, causes: Sequence[AcceptedCause], last: ScoringProblem) -> tuple[AcceptedCause, ...]:
-    """The causes whose laws the terms of a formula are, each unit free to have as much of it as it has; none unless
-    every term is one. Of several that a term may be, all stay."""
+    """The causes whose laws the terms of a formula are, each unit with coefficients of its own; none unless every term
+    is such a law. Where a term may be any of several causes, all of them stay."""
     problem, noise = alone.problem, last.fit().floor.noise
     terms = problem.accepted[len(problem.accepted) - len(alone.terms) :]
     still = [cause for cause in causes if not cause.candidate.moving and cause.candidate.pattern != "scan"]
@@ -218,7 +220,7 @@ def _written_in(alone: Hypotheses, causes: Sequence[AcceptedCause], last: Scorin
 
 
 def _is_law_of(term: AcceptedCause, cause: AcceptedCause, problem: ScoringProblem, noise: float) -> bool:
-    """Whether a cause leaves less than one standard deviation of all visits together of what a term does."""
+    """Whether a cause follows a term to within one standard deviation of all visits together."""
     view, one = problem.view, term.candidate
     if one.moving:
         return False

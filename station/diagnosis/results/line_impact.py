@@ -1,7 +1,7 @@
-"""What the causes mean for the line: each unit's calibration, its verdict, the yield, with and without them.
+"""What the causes mean for production: calibration, verdict and yield of the units, with and without them.
 
 Both sides are the station's own calibration by the recipe's method: of the readings as they came, and of the readings
-with the gross faults put right and the causes taken off.
+with gross faults corrected and causes subtracted.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,9 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitImpact:
-    """One unit: by how much offset (3), recipe's unit, and matrix (3, 3) move once the causes are off; moves: rms that
-    this makes of an axis of a calibrated reading over all directions, recipe's unit; both outcomes."""
+    """One unit: how far offset (3), in the recipe's unit, and matrix (3, 3) move once the causes are gone; moves: the
+    rms of what this does to an axis of a calibrated reading over all directions, in the recipe's unit; both
+    outcomes."""
 
     serial: str
     offset: Floats
@@ -59,10 +60,8 @@ class LineImpact:
 
 
 def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
-    """What was found, in the words of the line; None where nothing was found or nothing can be calibrated.
-
-    today: ISO 8601, for what is due in the recipe.
-    """
+    """What was found, in terms of production; None where nothing was found or nothing can be calibrated. today: ISO
+    8601, for what is due in the recipe."""
     if not (d.faults or d.causes):
         return None
     try:
@@ -125,7 +124,7 @@ def _results(
 
 
 def _measured_and_corrected(d: Diagnosis) -> tuple[list[UnitDwells], list[UnitDwells]]:
-    """The dwells of every unit as they were measured; and with gross faults put right and every new cause taken off."""
+    """The dwells of every unit as measured, and with gross faults corrected and every new cause subtracted."""
     measured = d.samples.dwells(d.recipe)
     corrected = measured if d.inspection.as_measured else d.inspection.samples.dwells(d.recipe)
     effect = sum((cause_contribution(d.last, i)[0] for i in new_causes(d)), np.zeros_like(d.last.view.reduced.mean))
@@ -134,7 +133,7 @@ def _measured_and_corrected(d: Diagnosis) -> tuple[list[UnitDwells], list[UnitDw
 
 
 def _less(unit: UnitDwells, effect: Floats) -> UnitDwells:
-    """A unit whose readings in each dwell are less by an effect (v, 3)."""
+    """A unit whose readings in each dwell are reduced by an effect (v, 3)."""
     d = unit.dwells
     return replace(unit, dwells=replace(d, mean=d.mean - effect, low=d.low - effect, high=d.high - effect))
 

@@ -1,5 +1,5 @@
-"""What is left once calibrations and causes are at their best: the figure beside the residual of the simulation as it
-was, taken the same way, by plain least squares over the visits."""
+"""What is left with calibrations and causes fitted: the counterpart of the residual of the simulation as it was, by
+plain least squares over the visits."""
 
 import numpy as np
 
@@ -9,7 +9,8 @@ from station.domain.core.types import Floats
 
 
 def remaining_rms(problem: ScoringProblem) -> float:
-    """Rms of measured − simulated over the visits, recipe's unit, every visit alike and every coefficient free."""
+    """Rms of measured − simulated over the visits, in the recipe's unit; all visits weigh the same and no coefficient
+    has a prior."""
     own, shared = (_rows(part.stop) for part in (problem.known.own, problem.known.shared))
     data = _rows(problem.view.readings().stop)[..., 0]
     white = WhiteRows(own, shared, data, data.shape[1], 0)

@@ -1,4 +1,4 @@
-"""How small an effect these data would have shown."""
+"""The smallest effects that these data would have shown."""
 
 import numpy as np
 from scipy.special import chdtri, chndtrinc
