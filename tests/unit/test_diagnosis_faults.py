@@ -104,6 +104,19 @@ def test_a_coarse_grid_is_measured() -> None:
     assert [float(n.value) for n in faults["quantization"].numbers] == pytest.approx([4e-4, 4e-4], rel=1e-3)
 
 
+def test_what_one_unit_loses_the_others_do_not_gainsay() -> None:
+    chosen = six_faces("listed").model_copy(update={"device": RECIPE.device})
+    made, _ = hide(chosen, None, 3, units=4)
+    counter = np.floor(made.time_s * chosen.device.rate_hz + 0.25).astype(np.int64) % 256
+    gone = [
+        np.flatnonzero((made.unit.code == 1) & (made.visit == visit))[5 : 5 + 2 * lost : 2]
+        for visit, lost in enumerate((3, 0, 2, 0, 1, 1))
+    ]
+    rows = np.delete(np.arange(len(made)), np.concatenate(gone))
+    fault = found(replace(made, values={**made.values, "counter": counter.astype(float)})[rows], chosen)["lost-frames"]
+    assert [float(n.value) > 0 for n in fault.numbers] == [False, True, False, False]
+
+
 @pytest.mark.parametrize("high", [False, True])
 def test_a_bit_that_never_changes_is_named_by_its_weight(high: bool) -> None:
     made = table()

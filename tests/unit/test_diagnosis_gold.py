@@ -49,6 +49,11 @@ def test_gravity_and_drift_are_named_and_sized_whatever_the_reference_is(recipe:
     assert abs(size - 0.002) < 3e-4
 
 
+def test_a_gold_that_moved_by_much_is_no_gravity() -> None:
+    """What it moved across its reading lengthens that by the square: 200 ppm."""
+    assert set(found(load_recipe("six-point"), "gold-drift=0.02")) == {"gold-drift"}
+
+
 def test_nothing_that_turns_or_still_moves_is_taken_for_either() -> None:
     recipe = load_recipe("six-point")
     causes = ("base-tilt", "nest-tilt", "index-error", "settling", "lever-arm", "repeatability")

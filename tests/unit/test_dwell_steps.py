@@ -1,11 +1,13 @@
 """Offsets that jump within a short dwell, and what only looks like it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from station.diagnosis.data import preflight
+from station.diagnosis.data import dwell_steps, preflight
 from station.diagnosis.data.stays import recut
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe import plan
@@ -80,6 +82,17 @@ def test_what_arrives_drifts_or_passes_is_no_jump(course: str) -> None:
     for seed in range(6):
         rng = np.random.default_rng(seed)
         assert recut(RECIPE, table(dwells(rng) + arrivals(rng)[course])).steps == 0
+
+
+def test_coarse_steps_of_one_median_on_both_sides_are_no_jump() -> None:
+    made, (each, step) = table(dwells(np.random.default_rng(0))), (300, 5e-3)
+    rows = np.repeat(np.flatnonzero(np.diff(made.visit, prepend=-1)), each)
+    place = np.arange(len(rows)) % each
+    late = (place > each / 2) & (made.visit[rows] == 7) & (made.unit.code[rows] == 1)
+    steps = np.round(made.reading[rows] / step) + (np.where(late, 4, 1) * (place % 3 == 2))[:, None]
+    coarse = replace(made[rows], time_s=made.time_s[rows] + place * 1e-4, reading=steps * step)
+    begin = np.arange(0, len(rows), each)
+    assert dwell_steps.find(RECIPE, coarse, begin, begin + each, np.ones(len(begin), bool)) == []
 
 
 def test_the_preflight_says_when_it_jumped(rng: np.random.Generator) -> None:

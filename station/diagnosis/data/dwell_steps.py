@@ -118,4 +118,6 @@ def _stays(mean: Floats, stimulus: Floats, at: int, change: Floats) -> bool:
         if rank <= int(np.any(columns[:, 1])) + 1 or rank == len(after):
             return False
         size[i] = solved[2]
-    return bool(SAME[0] < size @ change / (change @ change) < SAME[1])
+    # In coarse steps the readings on both sides may have one median: no change at all.
+    low, high = (share * float(change @ change) for share in SAME)
+    return low < float(size @ change) < high

@@ -99,7 +99,9 @@ def _fault(
     )
     total, all_of = int(events.sum()), int(of.sum())
     nats = total * np.log(total / all_of / HEALTHY_EVENT_RATE) - total + HEALTHY_EVENT_RATE * all_of
-    gain = block_gain(_held_out_scores(events, of), of.astype(float), "frame")
+    # Units that lose nothing say nothing about the others.
+    mine = hits[unit] > 0
+    gain = block_gain(_held_out_scores(events[mine], of[mine]), of[mine].astype(float), "frame")
     return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {verb}", float(nats), gain=gain)
 
 

@@ -29,6 +29,8 @@ CHI2_RISES = (0.0, 16.4, 19.8, 22.6, 24.9)
 GOLD_SEPARATION = 3.29
 #: The part of a dwell in which nothing moves any more.
 QUIET_FROM = 0.4
+#: Rounds in which what the gold moved across the direction, which lengthens its reading by the square, is taken off.
+ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +72,7 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.in
     causes = testable_causes(recipe, table)
     if not causes or table.gold is None:
         return []
-    lengths = _lengths(recipe, scene, _quiet_means(table, stop, table.gold))
+    lengths = _lengths(recipe, scene, _quiet_means(table, stop, table.gold), moves="gold-drift" in causes)
     columns = {"gold-drift": lengths.direction, "local-gravity": lengths.length[:, None]}
     falls = {name: lengths.fit(columns[name])[2] for name in causes}
     rank = {name: int(np.linalg.matrix_rank(columns[name], 1e-6)) for name in causes}
@@ -155,14 +157,23 @@ def _quiet_means(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tu
     return mean, np.bincount(where, off, len(count)) / np.maximum(n - 1, 1) / n
 
 
-def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats]) -> GoldLengths:
-    """The gold's readings position by position."""
+def _lengths(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats], *, moves: bool) -> GoldLengths:
+    """The gold's readings position by position; moves: whether the gold may have moved."""
+    found = _lengths_beside(recipe, scene, still, np.zeros(3))
+    for _ in range(ROUNDS if moves else 0):
+        both = np.concatenate([found.direction, found.length[:, None]], axis=1)
+        found = _lengths_beside(recipe, scene, still, found.fit(both)[0][:3])
+    return found
+
+
+def _lengths_beside(recipe: Recipe, scene: Scene, still: tuple[Floats, Floats], drift: Floats) -> GoldLengths:
+    """The same where the gold has moved by about drift (3): what is left of lengths is in proportion to the rest."""
     visits, own = scene.visits, recipe.reference.gold
-    reading = _calibrated(recipe, still[0])
+    reading = _calibrated(recipe, still[0]) - drift
     nominal = np.einsum("vji,vj->vi", visits.nest_R, visits.stimulus)
     length = np.linalg.norm(nominal, axis=1)
     along = nominal / np.maximum(length, 1e-300)[:, None]
-    excess = np.linalg.norm(reading, axis=1) * np.sign(np.sum(reading * along, axis=1)) - length
+    excess = np.linalg.norm(reading, axis=1) * np.sign(np.sum(reading * along, axis=1)) - length + along @ drift
     code, count = visits.position.code, np.maximum(np.bincount(visits.position.code), 1)
 
     def mean(values: Floats) -> Floats:
