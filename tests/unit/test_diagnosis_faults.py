@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from station.diagnosis.data.faults import GrossFault, inspect
+from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
 from station.diagnosis.data.faults.motor_tone import ONE_DWELL
 from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
 from station.diagnosis.data.faults.white_dwells import TransientFilter, WhiteDwells
@@ -82,6 +83,20 @@ def test_few_stops_of_few_samples_make_no_tone(seed: int) -> None:
     assert "motor-tone" not in found(made, recipe())
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_of_few_dwells_a_stretch_promises_no_line(seed: int) -> None:
+    """Their power scatters as much as the line's: all of it and more was taken for agreement."""
+    rng, (dwells, samples, rate) = np.random.default_rng(seed), (48, 40, 2000.0)
+    begin = np.sort(rng.uniform(0, 620, dwells))
+    spectrum = MatchedSpectrum(rate, 75.0, in_parts=False)
+    record = spectrum.record(float(begin[0]), float(begin[-1]) + samples / rate)
+    live = np.ones((dwells, samples), bool)
+    white = rng.standard_normal((*live.shape, 3))
+    record.add(white, begin[:, None] + np.arange(samples) / rate, np.ones(dwells), live)
+    spectrum.add(record, lambda frequency_hz: [np.ones(len(frequency_hz))] * 3, float(dwells))
+    assert spectrum.lines() is None
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_tone_out_of_step_from_stop_to_stop_keeps_its_amplitude(seed: int) -> None:
     made = table(seed)
@@ -128,6 +143,34 @@ def test_a_bit_that_never_changes_is_named_by_its_weight(high: bool) -> None:
     (number,) = faults["stuck-bit"].numbers
     assert number.of == f"unit:{made.unit.names[1]}"
     assert float(number.value) == pytest.approx(-64e-5 if high else 64e-5)
+
+
+@pytest.mark.parametrize("high", [False, True])
+@pytest.mark.parametrize("bit", [9, 11])
+@pytest.mark.parametrize("faces", [False, True])
+def test_a_bit_far_above_the_noise_is_named_and_its_shifts_are_taken_off(faces: bool, bit: int, high: bool) -> None:
+    """A dwell then shows one value or two of what stands above the bit, and lies off by all of its weight."""
+    chosen = six_faces("listed") if faces else recipe(1)
+    chosen = chosen.model_copy(update={"device": RECIPE.device})
+    made, _ = hide(chosen, None, 3, units=2)
+    code = np.round(made.reading / 1e-5).astype(np.int64)
+    held = code | 1 << bit if high else code & ~(1 << bit)
+    mine = (made.unit.code == 1)[:, None]
+    inspected = inspect(chosen, replace(made, reading=np.where(mine, held, code) * 1e-5))
+    assert [f.effect for f in inspected.faults] == ["stuck-bit"]
+    assert [n.value for n in inspected.faults[0].numbers] == pytest.approx([(-1 if high else 1) * 1e-5 * 2**bit])
+    stop = np.cumsum(np.any([np.diff(x, prepend=-1) != 0 for x in (made.unit.code, made.visit)], axis=0)) - 1
+    count = np.bincount(stop)
+    for axis in range(3):
+        off = np.bincount(stop, (inspected.table.reading - code * 1e-5)[:, axis]) / count
+        # A shift up here and down there is a gain.
+        true = np.bincount(stop, made.reading[:, axis]) / count
+        line = np.stack([np.ones(len(true)), true], axis=1)[len(true) // 2 :]
+        rest = off[len(true) // 2 :]
+        rest = rest - line @ np.linalg.lstsq(line, rest, rcond=None)[0]
+        noise = RECIPE.device.noise_density * np.sqrt(RECIPE.device.rate_hz / 2)
+        assert np.abs(rest).max() < 5 * noise / np.sqrt(count.min())
+        assert not off[: len(true) // 2].any()
 
 
 def test_few_levels_say_nothing_about_bits() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Container
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,13 @@ from station.diagnosis.data.faults import (
     motor_tone,
     stuck_bits,
 )
-from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault
+from station.diagnosis.data.faults.bit_shifts import dwells_of_unit, restored
+from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units
 from station.diagnosis.data.sample_source import SampleSource
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.scene import visits_scene_of_table
+from station.model.forward import resting_stimulus
+from station.model.scene import Scene, visits_scene_of_table
 
 __all__ = ["FaultParameter", "GrossFault", "Inspection", "inspect", "undetectable_faults"]
 
@@ -50,6 +53,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     if np.any(np.diff(stop) < 0):
         order = np.argsort(stop, kind="stable")
         table, stop = table[order], stop[order]
+    stuck, table = _stuck_bits(recipe, table, scene, stop)
     mean = _means(table.reading, stop)
     cut_off = clipping.clipped(table, stop)
     read = axis_decoding.wrong_decodings(scene, mean, cut_off[0])
@@ -61,8 +65,9 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
         table = replace(table, reading=axis_decoding.corrected_readings(table, read))
         cut_off = clipping.clipped(table, stop)
     found += clipping.faults(recipe, table, stop, cut_off)
-    for part in (grid_step, stuck_bits, counters, clock):
+    for part in (grid_step, counters, clock):
         found += part.faults(recipe, table, stop)
+    found += stuck
     moved = gold_reference.course(recipe, table, scene, stop)
     if moved is not None:
         found.append(gold_course.fault(moved, recipe))
@@ -80,6 +85,24 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     driven = "motor" in table.values and float(np.ptp(table.values["motor"])) > 0.0
     hidden = undetectable_faults(recipe, table.values, len(table), len(scene.visits), driven=driven)
     return Inspection(tuple(found), SampleSource.of(usable), hidden, gold_reference.testable_causes(recipe, table))
+
+
+def _stuck_bits(
+    recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]
+) -> tuple[list[GrossFault], SampleTable]:
+    """Stuck bits, and the table as it would be without them."""
+    lsb, true = recipe.device.lsb, resting_stimulus(scene)
+    if lsb <= 0:
+        return [], table
+    dwells_of = partial(dwells_of_unit, table, stop, true) if recipe.pose_known else None
+    bits = stuck_bits.stuck_bits(table, lsb, dwells_of)
+    found = stuck_bits.faults(recipe, table, stop, bits)
+    if dwells_of is None or not found or found[0].rejected:
+        return found, table
+    reading, units = table.reading.copy(), rows_of_units(table.unit)
+    for u, stuck in bits.items():
+        reading[units[u]] = restored(dwells_of(u), stuck, lsb)
+    return found, replace(table, reading=reading)
 
 
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:

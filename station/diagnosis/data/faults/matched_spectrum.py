@@ -25,7 +25,7 @@ MAX_POINTS = 1 << 19
 #: Lines that one tone may show: the gaps between dwells copy it, and it lies between two of them.
 NEAR_LINES = 24
 #: Chance, about, of any line in noise from which on it is looked at exactly.
-PROMISING_LINES = 1e-3
+PROMISING_LINES = 1e-2
 
 
 class DwellRecord:
@@ -108,8 +108,8 @@ class MatchedSpectrum:
         return float(1 / (self._points * self._step_s))
 
     def add(self, record: DwellRecord, noise: Callable[[Floats], Sequence[Floats]], dwells: float) -> None:
-        """A record of whole units. noise: of three axes the mean power (n) of a dwell of theirs at frequencies (n), a
-        tone's own included; dwells: how many count, by their weight."""
+        """A record of whole units. noise: of three axes the mean power (n) of a dwell of theirs around frequencies (n);
+        dwells: how many count, by their weight."""
         if not len(self._frequency):
             return
         total, usual = float(record.weight.sum()), [np.maximum(axis, 1e-300) for axis in noise(self._frequency)]
@@ -122,7 +122,9 @@ class MatchedSpectrum:
             explained = weight * counted * (1 - parted * turned)
             for axis, power in zip(samples, usual, strict=True):
                 line = scipy.fft.rfft(axis)[self._band]
-                self._found += agreement((line.real**2 + line.imag**2) / (explained * power), counted)
+                # Beside the noise around it: what is in the line itself is too little known.
+                along = (line.real**2 + line.imag**2) / (explained * power)
+                self._found += agreement(along / (along + 1 - 1 / counted), counted)
             self._stretches += 1
 
     def lines(self) -> tuple[Floats, float, float] | None:

@@ -57,13 +57,16 @@ def _confirmed(line: ToneLine, d: WhiteDwells, sigma: Floats, recipe: Recipe) ->
         grown, elsewhere = agreement.power_follows_drive(float(line.frequency_hz[0]))
         if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES or chance(elsewhere, POWER_TERMS) > ONE_DWELL:
             return None
-        frequency, nats = _refine_frequency(d, float(line.frequency_hz[0])), line.nats
+        near = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
+        frequency, nats = _refine_frequency(d, float(line.frequency_hz[0]), near), line.nats
     else:
         agreement = PhaseAgreement(d, 1 / line.resolution_hz)
         frequency, nats = _most_agreed(agreement, line.frequency_hz, line.resolution_hz)
         if chance(nats, agreement.terms) * line.tried > FALSE_TONES or not agreement.follows_drive(frequency):
             return None
         nats -= float(np.log(line.tried))
+        # Stretches agree by themselves; beyond them all of the campaign may.
+        frequency = _refine_frequency(d, frequency, line.resolution_hz)
     tone = _tone(d, frequency)
     if not tone.lasts(d):
         return None
@@ -77,13 +80,12 @@ def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:
     return np.asarray(np.einsum("vs,vsi->vi", wave, d.white))
 
 
-def _refine_frequency(d: WhiteDwells, frequency_hz: float) -> float:
-    """The frequency near a line at which the phases of all stops agree best."""
-    resolution = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
+def _refine_frequency(d: WhiteDwells, frequency_hz: float, near_hz: float) -> float:
+    """The frequency so near to a line at which the phases of all stops agree best."""
     base = _amplitudes(d, frequency_hz) * d.motor[:, None]
     at = d.middle_s - d.middle_s.mean()
     total = max(float(np.ptp(at)), 1e-9)
-    shift = np.arange(-resolution, resolution, 0.25 / total)
+    shift = np.arange(-near_hz, near_hz, 0.25 / total)
     best = (0.0, -1.0)
     for part in np.array_split(shift, max(1, len(shift) * len(at) // 2_000_000)):
         turned = np.exp(-2j * np.pi * np.outer(part + frequency_hz, at)) @ base

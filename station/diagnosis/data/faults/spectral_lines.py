@@ -31,13 +31,22 @@ def line_gains(spectrum: PowerSpectrum) -> Floats:
     are exponential: a mean of N of them that is r times what it should be is e^(−N(r − 1 − ln r)) likely (Chernoff's
     bound). N counts the stops by their weight, and less where the background itself is known from few frequencies.
     """
-    power, place = spectrum.power / _colour(spectrum.power), np.arange(len(spectrum.power))
-    far = np.abs(place[:, None] - place)
-    around = (far > LINE_BINS) & (far <= BACKGROUND_BINS)
-    background = _medians(power, around)
-    known = spectrum.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(around.sum(1), 1))
-    ratio = np.maximum(power / np.maximum(background, 1e-300), 1.0)
+    known = spectrum.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(_around(len(spectrum.power)).sum(1), 1))
+    ratio = np.maximum(spectrum.power / np.maximum(background(spectrum.power), 1e-300), 1.0)
     return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
+
+
+def background(power: Floats) -> Floats:
+    """The power (f, 3) around each frequency, without what may be a line there; infinite where there is none."""
+    colour = _colour(power)
+    return np.asarray(colour * _medians(power / colour, _around(len(power))))
+
+
+def _around(frequencies: int) -> NDArray[np.bool_]:
+    """Which frequencies (f, f) are the spectrum around each."""
+    place = np.arange(frequencies)
+    far = np.abs(place[:, None] - place)
+    return np.asarray((far > LINE_BINS) & (far <= BACKGROUND_BINS))
 
 
 def _colour(power: Floats) -> Floats:

@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
-from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING, PowerSpectrum, line_gains
+from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING, PowerSpectrum, background, line_gains
 from station.diagnosis.data.faults.white_dwells import WhiteDwells, white_dwells
 from station.domain.core.types import Floats, SampleTable
 
@@ -132,8 +132,9 @@ class ToneSearch:
             record.add(d.white, d.time_s, d.motor, d.live)
         self._sums += own
         # Of all so far: what one portion shows scatters by itself.
-        mean = self._sums.mean
-        self._matched.add(record, lambda frequency_hz: _between(self.tried, mean, frequency_hz), own.stops)
+        # Without its slow course a dwell has less power at its lowest frequencies than around them.
+        around = np.minimum(background(self._sums.mean), self._sums.mean)
+        self._matched.add(record, lambda frequency_hz: _between(self.tried, around, frequency_hz), own.stops)
 
     def lines(self) -> tuple[ToneLine, ...]:
         """Lines that stand out, by their power alone and by their phase; the one that stands out more is first."""
