@@ -20,13 +20,22 @@ from station.diagnosis.results.diagnose import _cause
 from station.diagnosis.search import law_chance, null_simulation
 from station.diagnosis.search.cause_search import _beside_unlikely
 from station.diagnosis.search.finding import CauseFinding, depends_on
-from station.diagnosis.search.form_check import LAW_NATS, RivalLaws, _within_form_error, compare_laws, in_place_of
+from station.diagnosis.search.form_check import (
+    LAW_NATS,
+    RivalLaws,
+    _within_form_error,
+    compare_laws,
+    compare_laws_with_scatter,
+    in_place_of,
+)
 from station.diagnosis.search.held_out_gain import HeldOutGain
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
+from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
+from station.domain.core.types import Array
 from station.model.model_file import Model
-from tests.blind.bench import hide
+from tests.blind.bench import WHITE, Hidden, World, hide
 from tests.blind.hidden import KNOWN
 from tests.blind.outside import OUTSIDE
 from tests.blind.recipes import recipe
@@ -99,6 +108,39 @@ def test_a_name_less_likely_than_not_says_on_what_the_rest_depends(
     finding = CauseFinding("cubic", None, floor, {"cubic": 20.0}, chances, ("quadratic",), 12.0, 9.0)
     laws = RivalLaws(lead, ("input",))
     assert laws.judged(finding).doubts == doubts
+
+
+@pytest.mark.parametrize(("lead", "words"), [(-2.0, ()), (1.5, ()), (2.5, ("time", "input")), (5.0, ("time", "input"))])
+def test_a_kernel_that_is_ahead_of_a_cause_has_its_word_said(lead: float, words: tuple[str, ...]) -> None:
+    """Beforehand what nobody described is three nats less likely; what a cause cannot be told from speaks for it."""
+    ahead = float(np.exp(lead - 3.0))
+    chances = {name: p / (1.3 + ahead) for name, p in {"cubic": 0.3, "quadratic": 1.0, "time*input": ahead}.items()}
+    finding = CauseFinding("cubic", None, NoiseFloor(1.0, 0.0, 0.0), {}, chances, ("quadratic",), 12.0, 9.0)
+    assert finding.words_ahead == words
+
+
+def _by_the_side_it_came_from(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
+    """A nest that stands otherwise after each position that it came from."""
+    first = np.append(True, w.stop[1:] != w.stop[:-1])
+    begun = w.visit[first] == 0
+    came = np.where(begun, 0, np.roll(w.position[first], 1))
+    turned = rng.normal(size=(w.position.max() + 1, 3))[came] * np.where(begun, 0.0, 1.5e-4)[:, None]
+    return w.feel(nest=turned[w.stop]), np.zeros(3)
+
+
+def _anyhow(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
+    """One that stands otherwise each time."""
+    return w.feel(nest=1.5e-4 * rng.normal(size=(w.stop.max() + 1, 3))[w.stop]), np.zeros(3)
+
+
+@pytest.mark.parametrize(("law", "words"), [(_by_the_side_it_came_from, ("order",)), (_anyhow, ())])
+def test_scatter_that_is_alike_from_one_side_is_none(law: Hidden, words: tuple[str, ...]) -> None:
+    table, _ = hide(recipe(), law, 44, units=2, d=25.0, floor=WHITE)
+    problem = initial_problem(reduce_samples(recipe(), table), FloorAllowance.of(recipe(), Model()))
+    grown = with_free_variance(problem, "repeatability")
+    laws = compare_laws_with_scatter(grown, "repeatability", problem.upper)
+    assert laws.is_ahead == bool(words)
+    assert not words or laws.words == words
 
 
 @pytest.mark.parametrize("lead", [0.5, 1.6, 3.0, 4.4])

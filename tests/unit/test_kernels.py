@@ -211,9 +211,31 @@ def _heat_of_a_hand(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray(np.exp(-t / (0.15 * np.ptp(t)))[:, None] * rng.standard_normal((len(names), 3))[run])
 
 
+def _comes_to_rest_by_where_it_came_from(view: ResidualView, rng: np.random.Generator) -> Floats:
+    position, previous = view.scene.visits.position.code, view.scene.visits.previous
+    turned = rng.standard_normal((position.max() + 1, 3))[position[previous]] * (previous >= 0)[:, None]
+    return _nest_frame(view, turned)
+
+
+def _flank_of_each_position(view: ResidualView, rng: np.random.Generator) -> Floats:
+    R, previous, position = view.scene.visits.nest_R, view.scene.visits.previous, view.scene.visits.position.code
+    apart = np.einsum("vij,vkj->vik", R, R[previous])
+    way = np.sign(np.round(apart[:, 2, 1] - apart[:, 1, 2], 9)) * (previous >= 0)
+    return _nest_frame(view, way[:, None] * rng.standard_normal((position.max() + 1, 3))[position])
+
+
+def _part_that_beds_itself(view: ResidualView, rng: np.random.Generator) -> Floats:
+    t, (run, names) = view.scene.time_s, view.scene.group("run")
+    return _nest_frame(view, np.exp(-t / (0.15 * np.ptp(t)))[:, None] * rng.standard_normal((len(names), 3))[run])
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
+        (_comes_to_rest_by_where_it_came_from, "order", 75, 1e-3),
+        # Half a turn may be either way.
+        (_flank_of_each_position, "order*position", 72, 0.3),
+        (_part_that_beds_itself, "time*input", 18, 0.05),
         (_nest_that_creeps, "time*input", 6, 1e-3),
         (_positions_that_warm, "temperature*position", 72, 1e-3),
         (_length_of_the_move, "order", 6, 1e-9),
@@ -315,9 +337,17 @@ def _gain_at_one_temperature(view: ResidualView, rng: np.random.Generator) -> Fl
     return np.asarray(bump[:, None] * resting_stimulus(view.scene) * rng.standard_normal(3))
 
 
+def _nest_that_sticks_and_slips(view: ResidualView, rng: np.random.Generator) -> Floats:
+    gone, previous = np.zeros(len(view.scene.visits)), view.scene.visits.previous
+    for i, angle in enumerate(_angles(view)):
+        gone[i] = (gone[previous[i]] if previous[i] >= 0 else 0.0) + angle
+    return _nest_frame(view, (gone % 4.2)[:, None] * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
+        (_nest_that_sticks_and_slips, "order*input", 3, 1e-3),
         (_nest_that_warms, "temperature*input", 3, 1e-3),
         (_square_of_the_rate, "temperature", 3, 1e-3),
         (_root_of_the_step, "order", 3, 1e-3),

@@ -10,6 +10,8 @@ from station.diagnosis.candidates.columns import StopColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
+from station.model.effects.nest_tilt import NestTilt
+from station.model.forward import resting_stimulus
 
 
 def kernel(name: str, of: str, view: ResidualView, columns: StopColumns) -> Candidate:
@@ -68,3 +70,21 @@ def scaled(values: Floats) -> Floats:
     """Values brought to −1 … 1."""
     low, high = float(values.min()), float(values.max())
     return np.asarray(2 * (values - low) / max(high - low, 1e-300) - 1)
+
+
+def ones(view: ResidualView) -> StopColumns:
+    """Anything on each axis."""
+    return StopColumns.in_bank(view, np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
+
+
+def turns_of_nests(view: ResidualView) -> Iterator[Floats]:
+    """What small turns of the nests do to the readings (v, 3, 3), where they do anything; of a gold's truth, which the
+    simulation has in the same nest, by the turn of what it reads."""
+    if not view.scene.recipe.pose_known:
+        return
+    turn = view.signature(NestTilt.example(), "common")[0]
+    if view.scene.is_recorded("gold") and not view.scene.recipe.converts:
+        a, seats = resting_stimulus(view.scene, view.active), view.scene.visits.seat_R
+        turn = np.cross(a[:, None, :], seats).transpose(0, 2, 1)
+    if np.any(turn):
+        yield turn

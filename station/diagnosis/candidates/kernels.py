@@ -21,12 +21,15 @@ from station.diagnosis.candidates.kernel_columns import (
     kernel,
     kernels_at,
     levels_that_differ,
+    ones,
     own_axis,
     packed_codes,
     scaled,
     steps_before,
+    turns_of_nests,
 )
 from station.diagnosis.candidates.motion_kernels import motion_kernels
+from station.diagnosis.candidates.order_kernels import order_kernels
 from station.diagnosis.candidates.temperature_kernels import temperature_kernels
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE
 from station.diagnosis.data.residuals import ResidualView
@@ -51,7 +54,9 @@ FACTORS = ("time", "temperature", "motor", "order", "input", "position")
 #: Kernels without columns: ripples faster than the visits, every frequency at once (`search/ripple.py`), and states of
 #: units and of nests that change at any visit (`search/hidden_state.py`).
 RIPPLE, STATE, NEST_STATE = "time*dwell-phase/ripple", "time/state", "time*input/state"
-STATES = (STATE, NEST_STATE)
+#: The same of what each arrival stirs up in its own way (`search/restless_arrivals.py`).
+ARRIVALS = "dwell-phase/arrivals"
+STATES = (STATE, NEST_STATE, ARRIVALS)
 #: Kernels of laws of one coefficient an axis (`search/narrow_laws.py`), by what those depend on.
 LAWS = tuple(
     f"{words}/law"
@@ -83,8 +88,6 @@ CAMPAIGN_WAVES = np.arange(1, 7)
 #: Whole waves in a run, in steps that none falls between; of more than MOST_FEW only where a run has so many visits a
 #: wave.
 SWINGS, MOST_FEW, VISITS_A_WAVE = (1.0, 1.7, 2.5, 3.3, 4.1, 4.9), 2.5, 4
-#: Pallets of a carousel that come by turns.
-PALLETS = 3
 #: From one ripple to the next faster one, waves in a run; visits of the longest run of which they are looked for.
 RIPPLE_STEP, MOST_RIPPLED = 0.8, 64
 
@@ -94,7 +97,7 @@ def kernel_candidates(view: ResidualView) -> list[Candidate]:
     still = (
         _time,
         _ripple,
-        _order,
+        order_kernels,
         _position,
         temperature_kernels,
         _input,
@@ -134,6 +137,9 @@ def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
     tilt, base = (view.signature(cause.example(), "common")[0] for cause in (NestTilt, BaseTilt))
     nests = ["nest"] if view.scene.is_recorded("nest") else []
     moved, turned = visits.seat_R.transpose(0, 2, 1), np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6
+    for fade in _fades(view):
+        # A part that beds itself, another way each time that it was clamped.
+        yield from kernels_at(view, "time*input", tilt * fade[:, None, None], "run")
     for name, functions in _factors(view).items():
         if name in ("order", "input"):
             continue
@@ -149,8 +155,7 @@ def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
 
 def _time(view: ResidualView) -> Iterator[Candidate]:
     """Waves over the run, slow and fast."""
-    t = view.scene.time_s
-    share = (t - t.min()) / max(float(np.ptp(t)), 1e-9)
+    share = _shares_of_run(view)
     for waves in HALF_WAVES:
         columns = StopColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
         for of in levels_that_differ(view, "run", "unit", "common"):
@@ -161,9 +166,21 @@ def _time(view: ResidualView) -> Iterator[Candidate]:
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time", of, view, columns)
     # What fades in each run from another size: a hand's heat, a part that came in cold.
-    for fade in FADE_SHARES if np.ptp(t) > 0 else ():
-        yield from kernels_at(view, "time", each_axis(np.exp(-share / fade)[:, None]), "run")
+    for fade in _fades(view):
+        yield from kernels_at(view, "time", each_axis(fade[:, None]), "run")
     yield from _campaign(view)
+
+
+def _shares_of_run(view: ResidualView) -> Floats:
+    """How far the longest run has come at each visit (v)."""
+    t = view.scene.time_s
+    return np.asarray((t - t.min()) / max(float(np.ptp(t)), 1e-9))
+
+
+def _fades(view: ResidualView) -> list[Floats]:
+    """What fades (v) in each run; nothing where no time goes by."""
+    share = _shares_of_run(view)
+    return [np.exp(-share / fade) for fade in FADE_SHARES] if share.any() else []
 
 
 def _campaign(view: ResidualView) -> Iterator[Candidate]:
@@ -204,52 +221,22 @@ def _ripple(view: ResidualView) -> Iterator[Candidate]:
         yield from kernels_at(view, "time/ripple", each_axis(wave), "run", "common")
 
 
-def _order(view: ResidualView) -> Iterator[Candidate]:
-    """Every second or third stop, the step from the one before on any axis and its sign, the length of the move, what
-    each axis felt before that, and the position before, or the one before that."""
-    visits = view.scene.visits
-    turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
-    a = resting_stimulus(view.scene, view.active)
-    step = each_axis(steps_before(view, a))
-    last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
-    earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
-    turned = StopColumns.in_bank(view, own_axis(a) * turn)
-    pulled = StopColumns.in_bank(view, each_axis(np.einsum("vi,vj->vij", steps_before(view, a), a).reshape(len(a), 9)))
-    # About which axis a torque turned the part, and whether each axis came from above.
-    torque = StopColumns.in_bank(view, own_axis(np.cross(steps_before(view, a), a)))
-    way = each_axis(np.sign(np.round(steps_before(view, a), 6)))
-    length = np.linalg.norm(steps_before(view, a), axis=1)[:, None]
-    pallets = each_axis((visits.visit % PALLETS)[:, None] == np.arange(PALLETS - 1))
-    alone = [
-        StopColumns.in_bank(view, x)
-        for x in (turn, step, each_axis(length), each_axis(length**2), earlier, way, pallets)
-    ]
-    for of in levels_that_differ(view, "unit", "common"):
-        yield from (kernel("order", of, view, columns) for columns in alone)
-        yield from (kernel("order*input", of, view, columns) for columns in (turned, pulled, torque))
-    before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
-    names = (*(f"previous:{n}" for n in visits.position.names), "previous:")
-    earlier_still = np.where(visits.previous >= 0, before[visits.previous], len(visits.position.names))
-    for code in (before, earlier_still):
-        yield grouped_kernel("order", "previous", code.astype(np.int32), names, _ones(view))
-
-
 def _position(view: ResidualView) -> Iterator[Candidate]:
     """Any offset at each position: along the device's axes, along the nest's, for each unit; a turn in each nest."""
     visits = view.scene.visits
     places = len(visits.position.names)
-    yield kernel("position", "position", view, _ones(view))
+    yield kernel("position", "position", view, ones(view))
     if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
         yield kernel("position", "position", view, StopColumns.in_bank(view, visits.seat_R.transpose(0, 2, 1)))
     nest, nests = view.scene.group("nest")
     code, names = packed_codes(nest * places + visits.position.code)
     # Where a nest has met a position once, a visit that is wrong is the same.
     if len(nests) > 1 and np.bincount(code).min() > 1:
-        for turn in _turns_of_nests(view):
+        for turn in turns_of_nests(view):
             yield grouped_kernel("position", "nest-position", code, names, StopColumns.in_bank(view, turn))
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
-        yield grouped_kernel("position", "unit-position", *packed_codes(code), _ones(view))
+        yield grouped_kernel("position", "unit-position", *packed_codes(code), ones(view))
 
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
@@ -266,8 +253,8 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
     a = resting_stimulus(view.scene, view.active)
     others = np.concatenate([own_axis(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
     for columns in (
-        _ones(view),
-        *(StopColumns.in_bank(view, x) for x in (own_axis(a), others, *_turns_of_nests(view))),
+        ones(view),
+        *(StopColumns.in_bank(view, x) for x in (own_axis(a), others, *turns_of_nests(view))),
     ):
         yield kernel("unit", "run", view, columns)
 
@@ -279,25 +266,10 @@ def _group(view: ResidualView) -> Iterator[Candidate]:
     matrix = StopColumns.in_bank(view, np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
-            yield kernel("group", of, view, _ones(view))
+            yield kernel("group", of, view, ones(view))
             yield kernel("group", of, view, matrix)
             if of == "nest" and view.scene.is_recorded("gold"):
-                yield from (
-                    kernel("group", of, view, StopColumns.in_bank(view, turn)) for turn in _turns_of_nests(view)
-                )
-
-
-def _turns_of_nests(view: ResidualView) -> Iterator[Floats]:
-    """What small turns of the nests do to the readings (v, 3, 3), where they do anything; of a gold's truth, which the
-    simulation has in the same nest, by the turn of what it reads."""
-    if not view.scene.recipe.pose_known:
-        return
-    turn = view.signature(NestTilt.example(), "common")[0]
-    if view.scene.is_recorded("gold") and not view.scene.recipe.converts:
-        a, seats = resting_stimulus(view.scene, view.active), view.scene.visits.seat_R
-        turn = np.cross(a[:, None, :], seats).transpose(0, 2, 1)
-    if np.any(turn):
-        yield turn
+                yield from (kernel("group", of, view, StopColumns.in_bank(view, turn)) for turn in turns_of_nests(view))
 
 
 def _motor(view: ResidualView) -> Iterator[Candidate]:
@@ -361,10 +333,6 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
         if x is not None and np.ptp(x) > 0
     }
     return {**found, "order": step[:, :, None], "input": np.stack([a, a**2], axis=2)}
-
-
-def _ones(view: ResidualView) -> StopColumns:
-    return StopColumns.in_bank(view, np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
 
 
 def disturbed_readings(view: ResidualView) -> list[Candidate]:

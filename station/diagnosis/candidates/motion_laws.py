@@ -51,14 +51,19 @@ def _motor_before(view: ResidualView) -> Iterator[MotionLaw]:
 
 
 def _turns(view: ResidualView) -> Iterator[MotionLaw]:
-    """The way of a turn about each axis, moves that are long, what sticks until it slips, and a cable that is wound
-    up."""
-    turn = turns_of(view)
-    angle = np.linalg.norm(turn, axis=1)
-    yield from (("order", (way,)) for way in way_of(turn).T if way.any())
-    yield from (("order", (np.maximum(angle - least, 0.0),)) for least in LONG_TURNS)
-    gone = remembered(angle[:, None], view, 1.0)[:, 0]
-    yield from (("order", (gone % slip,)) for slip in SLIPS)
-    wound = remembered(turn, view, 1.0)
+    """What the rig's turns do, and a cable that is wound up."""
+    yield from (("order", (x,)) for x in functions_of_turns(view))
+    wound = remembered(turns_of(view), view, 1.0)
     for x, waves in product((x for x in wound.T if np.ptp(x) > LEAST_TURN), CABLE_WAVES):
         yield "order", (np.cos(waves * x), np.sin(waves * x))
+
+
+def functions_of_turns(view: ResidualView) -> Iterator[Floats]:
+    """Functions (v) of how the rig turned: the way about each axis, and how far, moves that are long, and what sticks
+    until it slips."""
+    turn = turns_of(view)
+    angle = np.linalg.norm(turn, axis=1)
+    yield from (x for x in (*way_of(turn).T, *turn.T) if np.any(np.abs(x) > LEAST_TURN))
+    yield from (np.maximum(angle - least, 0.0) for least in LONG_TURNS)
+    gone = remembered(angle[:, None], view, 1.0)[:, 0]
+    yield from (gone % slip for slip in SLIPS)

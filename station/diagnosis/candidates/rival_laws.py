@@ -25,6 +25,7 @@ from station.diagnosis.candidates.law_forms import (
     on_every_axis,
     steps_of_stimulus,
 )
+from station.diagnosis.candidates.motion_laws import functions_of_turns
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.candidates.shape import has_jump
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE
@@ -68,7 +69,7 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
     if of in LABELS:
         found.append(_at_levels(view, chain(laws_of_view(view), _straight(view)), (of,)))
     elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
-        found.append(_at_levels(view, _swings(view), (of,)))
+        found.append(_at_levels(view, _courses_of_run(view), (of,)))
     if cause is not None:
         found += [_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view)]
     every: Iterable[Candidate] = chain.from_iterable(found)
@@ -97,12 +98,15 @@ def _straight(view: ResidualView) -> Iterator[Law]:
 
 
 def _tilts(view: ResidualView) -> Iterator[Candidate]:
-    """A nest that turns with a covariate, straight or at once, or by its own weight, whatever else was found."""
+    """A nest that turns with a covariate, straight or at once, by its own weight, or by how the rig turned, whatever
+    else was found."""
     tilt = NestTilt.example()
     if not view.scene.recipe.pose_known:
         return
-    curves, weight = dict(curves_by_covariate(view)), _weight_in_nest(view)
+    curves, weight, turns = dict(curves_by_covariate(view)), _weight_in_nest(view), list(functions_of_turns(view))
     for one in candidates(tilt, view):
+        for x in turns:
+            yield _law_of(one, "order*input", StopColumns.of(one.stop * x[:, None, None]))
         for x in weight:
             yield _law_of(one, "position*input", StopColumns.of(one.stop * x[:, None, None]))
         for name, of in curves.items():
@@ -119,11 +123,13 @@ def _weight_in_nest(view: ResidualView) -> list[Floats]:
     return [form for form in forms if np.ptp(form) > LEVEL]
 
 
-def _swings(view: ResidualView) -> Iterator[Law]:
-    """Waves in time, which have another phase in each run."""
+def _courses_of_run(view: ResidualView) -> Iterator[Law]:
+    """What each run has of its own: waves in time, which have another phase in each, and what grows faster than time,
+    or later."""
     for name, of in curves_by_covariate(view):
         if name == "time":
             yield from ((name, (on_every_axis(x), on_every_axis(y))) for x, y in of.waves)
+            yield from ((name, (on_every_axis(x),)) for x in (of.plain**2, of.plain**3, *of.bent))
 
 
 def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:

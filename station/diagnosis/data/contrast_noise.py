@@ -128,6 +128,17 @@ def _apart(found: ContrastNoise, products: Floats, free: float) -> ContrastNoise
 def _products(contrast: Floats, mean: Floats, scene: Scene, there: NDArray[np.bool_]) -> tuple[Floats, float]:
     """Mean products (B−1, B−1) of the contrasts (v, B−1) of one axis without the courses, and their degrees of
     freedom."""
+    rest, left = without_courses(contrast, mean, scene, there)
+    usual = np.median(np.abs(rest), axis=0) / MAD_PER_SIGMA
+    furthest = FURTHEST * np.where(usual > 0, usual, np.inf)
+    bounded = np.clip(rest, -furthest, furthest)
+    return np.asarray(bounded.T @ bounded) / max(left, 1), float(left)
+
+
+def without_courses(values: Floats, mean: Floats, scene: Scene, there: NDArray[np.bool_]) -> tuple[Floats, int]:
+    """Values (v, c) within the stops of one axis that are there, without the courses that each run has and what follows
+    its moves, by the stops' means (v); then without those whose size follows time, temperature or the drive. How many
+    numbers of each are left."""
     visits = scene.visits
     step = np.where(visits.previous >= 0, mean[visits.previous] - mean, 0.0)[there]
     # A nest's courses are those of a run, as a unit may come into another one.
@@ -140,18 +151,14 @@ def _products(contrast: Floats, mean: Floats, scene: Scene, there: NDArray[np.bo
         slope = _by_run(centred * along, run, count) / np.maximum(_by_run(along**2, run, count), 1e-300)
         return np.asarray(centred - slope * along)
 
-    rest, known = free(contrast[there]), 2 * len(count)
+    rest, known = free(values[there]), 2 * len(count)
     drives = [x[there] for x in (scene.time_s, scene.temperature_degC, scene.motor) if x is not None]
     followed = free(np.stack(drives, axis=1))
     size = np.linalg.norm(followed, axis=0)
     followed = followed[:, size > 1e-9 * np.linalg.norm(drives, axis=1)]
     if len(rest) - known - followed.shape[1] >= LEAST_FREE:
         rest, known = rest - followed @ np.linalg.lstsq(followed, rest, rcond=1e-9)[0], known + followed.shape[1]
-    left = len(rest) - known
-    usual = np.median(np.abs(rest), axis=0) / MAD_PER_SIGMA
-    furthest = FURTHEST * np.where(usual > 0, usual, np.inf)
-    bounded = np.clip(rest, -furthest, furthest)
-    return np.asarray(bounded.T @ bounded) / max(left, 1), float(left)
+    return rest, len(rest) - known
 
 
 def _by_run(values: Floats, run: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:

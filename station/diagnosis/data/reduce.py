@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.arrivals import PIECES, pieces_of_dwells
 from station.diagnosis.data.contrast_noise import ContrastNoise, contrast_noise, without_bumps
 from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
-from station.domain.core.types import Floats, SampleTable
+from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.scene import COVARIATES, Scene, fit_temperature_courses, scene_of_table, visits_scene_of_table
 from station.model.turning_temperature import own_rates, with_own_rates
@@ -68,6 +69,7 @@ class ReducedScene:
     sample_axes: Floats = field(default_factory=lambda: np.ones(3))
     axis_correlation: Floats = field(default_factory=lambda: np.eye(3))
     read_degC: Floats | None = None
+    pieces: Array = field(default_factory=lambda: np.zeros((1, PIECES, 3), np.float32))
 
     @property
     def contrast_noise(self) -> ContrastNoise:
@@ -129,7 +131,7 @@ class ReducedPart:
     and readings its plain means; since_s (v) mean time since its first sample; count (v, B) and block (v, B, 3) samples
     and robust mean of each block; warming (v) the mean rate of temperature by its own samples, degC/s, NaN where they
     do not tell it; late, spread (v, B) mean and deviation of its samples' times about the visit's mean;
-    differences: how noisy each is."""
+    differences: how noisy each is; pieces (v, PIECES, 3): means of equal pieces about the visit's."""
 
     sigma: Floats
     means: SampleTable
@@ -140,6 +142,7 @@ class ReducedPart:
     spread: Floats
     differences: VisitDifferences
     warming: Floats
+    pieces: Array
 
 
 def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
@@ -190,6 +193,7 @@ def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edge
         spread.reshape(shape),
         visit_differences(table.reading, visit, sigma),
         _warming(table, visit, stops),
+        pieces_of_dwells(table.reading, visit),
     )
 
 
@@ -223,6 +227,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         sample_axes=axes,
         axis_correlation=differences.correlation(),
         read_degC=means.values.get("temperature_degC"),
+        pieces=np.concatenate([p.pieces for p in parts]),
     )
 
 

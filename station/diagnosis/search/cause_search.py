@@ -152,7 +152,13 @@ def with_forms_checked(found: SearchResult) -> SearchResult:
             checked.append(laws.judged(finding))
             words += laws.words if laws.is_ahead else ()
             i += 1
-    return replace(found, findings=_beside_unlikely(checked), other_forms=tuple(dict.fromkeys(words)))
+    findings = _beside_unlikely([_with_words_ahead(f) for f in checked])
+    return replace(found, findings=findings, other_forms=tuple(dict.fromkeys(words)))
+
+
+def _with_words_ahead(f: CauseFinding) -> CauseFinding:
+    """A cause with what the kernels say that are ahead of it."""
+    return f if f.words else replace(f, doubts=tuple(dict.fromkeys((*f.doubts, *f.words_ahead))))
 
 
 def _beside_unlikely(findings: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:

@@ -31,6 +31,8 @@ from station.domain.core.types import Floats
 KERNEL_MARGIN = 0.04
 #: A set of causes less likely than this, which is less likely than not, does not account for what was found.
 UNLIKELY = 1 / 2
+#: A kernel so many nats ahead of a cause has its word said beside it.
+AHEAD_NATS = 2.0
 #: A separation in a sample of a fleet's units that is so many times as large as any that matters is none of chance.
 SURE_SHARE = 2.0
 #: A kernel is named beside the leading one where it explains all but this share of what that explains.
@@ -87,6 +89,14 @@ class CauseFinding:
     def is_unlikely(self) -> bool:
         """Whether something else follows the data better than the cause or any that it cannot be told from."""
         return bool(self.probability) and self.set_probability < UNLIKELY
+
+    @property
+    def words_ahead(self) -> tuple[str, ...]:
+        """On what the kernels depend that are ahead of the cause, and of any that it cannot be told from."""
+        best = max((self.probability.get(n, 0.0) for n in (self.name, *self.indistinguishable_from)), default=0.0)
+        kernels = ((p, name) for name, p in self.probability.items() if name in KERNEL_NAMES)
+        ahead = [name for p, name in sorted(kernels, reverse=True) if p > best * np.exp(AHEAD_NATS - UNKNOWN_NATS)]
+        return tuple(dict.fromkeys(word for name in ahead for word in covariates_of(name)))
 
     @property
     def covariates(self) -> tuple[str, ...]:

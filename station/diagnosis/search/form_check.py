@@ -11,7 +11,7 @@ the cause and noise alone bring it as far is told by sets of such readings, draw
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 import scipy
@@ -26,6 +26,7 @@ from station.diagnosis.candidates.bank import (
     is_testable,
 )
 from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.order_kernels import came_from
 from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, laws_within_dwells, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
@@ -218,7 +219,10 @@ def compare_laws_with_scatter(problem: ScoringProblem, name: str, upper: Floats)
     bounded = with_bounded_variance(problem, name, upper)
     scatter, law = problem.fit(), bounded.fit()
     gain = scatter.space.profile - law.space.profile - OCCAM_NATS
-    found = _rivals(_best_of(bounded, [], rival_laws(problem.view, level="run"), law.floor), gain + CHOICE_NATS)
+    # What comes to rest elsewhere from another side scatters as much, but is alike whenever it comes from there.
+    sides = (replace(c, name=f"{c.name}/{i}") for i, c in enumerate(came_from(problem.view)))
+    laws = chain(rival_laws(problem.view, level="run"), sides)
+    found = _rivals(_best_of(bounded, [], laws, law.floor), gain + CHOICE_NATS)
     if name != BiasWalk.id:
         return found
     if _moved_freely(problem.view):

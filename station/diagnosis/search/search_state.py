@@ -27,6 +27,7 @@ from station.diagnosis.search.rank import (
     variance_surprise,
     with_free_variance,
 )
+from station.diagnosis.search.restless_arrivals import find_restless_arrivals
 from station.diagnosis.search.ripple import find_ripple
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem, score_bank
 from station.diagnosis.search.unseen import Unseen
@@ -149,7 +150,11 @@ class CauseSearch:
 
 def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
     """What no column of the bank shows, under its name as a kernel."""
-    return {generic.RIPPLE: find_ripple(problem, floor), **find_states(problem, floor)}
+    return {
+        generic.RIPPLE: find_ripple(problem, floor),
+        **find_states(problem, floor),
+        **find_restless_arrivals(problem),
+    }
 
 
 def _drop_undetectable(
