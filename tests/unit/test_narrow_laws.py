@@ -1,6 +1,7 @@
 """Laws of one coefficient an axis are judged by what they explain of white readings, and found where wide kernels are
 not; what noise and a healthy walk do is none."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,24 +38,53 @@ def test_every_law_is_one_of_a_kernel(quiet: ScoringProblem) -> None:
 
 
 def test_what_a_law_explains_is_what_least_squares_leave_less(quiet: ScoringProblem) -> None:
+    """By all its columns, by those of one axis, or by those of one unit: of each the best, as often as there are."""
     floor, laws = quiet.fit().floor, list(rival_laws(quiet.view))[::97]
     space = quiet.space(floor, moving=False)
     found = narrow_laws._explained(quiet, laws, [space], floor)
     bank = build_bank(laws, quiet.view.layout, moving=False)
     rows = space.project(bank.rows(quiet.view.layout, slice(0, 2)))
-    known = space.shared_basis.reshape(space.residual.size, -1)
+    known, y = space.shared_basis.reshape(space.residual.size, -1), space.residual.ravel()
     for i, (law, at) in enumerate(zip(laws, bank.place, strict=True)):
         columns = rows[..., at]
+        U, _, c = columns.shape
         if law.pattern == "own":
-            U, M, c = columns.shape
-            columns = np.einsum("umc,uw->umwc", columns, np.eye(U)).reshape(U, M, U * c)
+            columns = np.einsum("umc,uw->umwc", columns, np.eye(U))
+        else:
+            columns, U = columns[:, :, None], 1
         flat = columns.reshape(space.residual.size, -1)
         flat = flat - known @ (known.T @ flat)
-        y = space.residual.ravel()
-        left = y - flat @ np.linalg.lstsq(flat, y, rcond=1e-6)[0]
-        share = 1 - float(left @ left) / float(y @ y)
-        a, b = (space.dof - flat.shape[1]) / 2, flat.shape[1] / 2
-        assert found.chance[i] == pytest.approx(scipy.special.betainc(a, b, 1 - share), rel=1e-6)
+        place = np.arange(U * c).reshape(U, c)
+        extents = [[place], [place[:, axis::3] for axis in range(3)], list(place) if U > 1 else []]
+        chances = []
+        for each in filter(None, extents):
+            every = []
+            for some in each:
+                chosen = flat[:, some.ravel()]
+                left = y - chosen @ np.linalg.lstsq(chosen, y, rcond=1e-6)[0]
+                a, b = (space.dof - chosen.shape[1]) / 2, chosen.shape[1] / 2
+                every.append(scipy.special.betainc(a, b, float(left @ left) / float(y @ y)))
+            chances.append(len(every) * min(every))
+        assert found.chance[i] == pytest.approx(min(1.0, len(chances) * min(1.0, *chances)), rel=1e-6)
+
+
+@pytest.mark.parametrize("alone", ["axis", "unit"])
+def test_what_is_on_one_axis_or_in_one_unit_is_told_sooner(quiet: ScoringProblem, alone: str) -> None:
+    """The same law of the same size is rarer by noise where it has fewer numbers."""
+    floor = quiet.fit().floor
+    law = next(x for x in rival_laws(quiet.view) if x.pattern == "own" and covariates_of_law(x.name) == ("motor",))
+    space = quiet.space(floor, moving=False)
+    bank = build_bank([law], quiet.view.layout, moving=False)
+    columns = space.project(bank.rows(quiet.view.layout, slice(0, 2)))
+    chance = []
+    for size in (
+        np.ones((2, 3)),
+        np.eye(3)[:1] * np.ones((2, 1)) if alone == "axis" else np.eye(2)[:, :1] * np.ones(3),
+    ):
+        signal = np.einsum("umc,uc->um", columns, size)
+        grown = replace(space, data=space.data + 8.0 * signal / np.linalg.norm(signal))
+        chance.append(narrow_laws._explained(quiet, [law], [grown], floor).chance[0])
+    assert chance[1] < 0.5 * chance[0]
 
 
 def _changes_sign(w: World, rng: Scaled) -> tuple[Any, Any]:

@@ -3,7 +3,8 @@ for so many of them may be plain in one.
 
 What the readings leave under the floor is white, so that the best of many laws is judged by its own distribution: of n
 free numbers the share R² that K columns explain leaves 1 − R² as Beta((n − K)/2, K/2), as often as there are laws. How
-large a healthy walk is the readings hardly tell: what the largest one makes of a law speaks for none.
+large a healthy walk is the readings hardly tell: what the largest one makes of a law speaks for none. What acts on one
+axis alone, or in one unit, has fewer numbers than what acts everywhere, and is looked for as such.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
 from station.diagnosis.candidates.kernels import law_kernel
@@ -28,6 +30,8 @@ MOST_UNITS, MOST_VISITS = 12, 120
 AT_ONCE = 128
 #: Sizes of a law's variance beside the noise over which its evidence is averaged.
 RATIOS = np.geomspace(0.03, 300.0, 20)
+#: Axes of which a law has a coefficient each.
+AXES = 3
 #: A direction that keeps less than this share of its squares beside what is known is lost in it.
 LEAST_SHARE = 1e-6
 
@@ -84,39 +88,85 @@ def _explained(
 
 def _in_space(bank: Bank, columns: Floats, length: Floats, space: ResidualSpace) -> _Explained:
     """What each law of a bank explains, whose white columns (U, M, C) are of such a length (C) before."""
-    squares, numbers = np.zeros(len(bank.candidates)), np.zeros(len(bank.candidates))
+    laws = len(bank.candidates)
+    nats, chance = np.full(laws, -np.inf), np.ones(laws)
     kinds = [(law.pattern == "own", at.stop - at.start) for law, at in zip(bank.candidates, bank.place, strict=True)]
     for own, width in set(kinds):
         which = [i for i, kind in enumerate(kinds) if kind == (own, width)]
         at = np.array([np.arange(width) + bank.place[i].start for i in which])
-        squares[which], numbers[which] = _squares(columns[..., at], length[at].max(axis=1), space, own=own)
+        equations = _Equations.of(columns[..., at], length[at].max(axis=1), space, own=own)
+        found = [_judged(*squares, space) for squares in equations.by_extent(len(columns) if own else 1, width)]
+        # A law acts on all there is, on one axis alone, or in one unit: one of these, and in each one of some.
+        nats[which] = _mean_of_shown(np.stack([x.nats for x in found], axis=1))
+        chance[which] = np.minimum(len(found) * np.min([x.chance for x in found], axis=0), 1.0)
+    return _Explained(nats, chance)
+
+
+class _Equations(NamedTuple):
+    """Normal matrices (n, G, K, K) of laws, of each unit or of all together; what lies along the readings (n, G, K);
+    length (n): of their columns before anything is known."""
+
+    normal: Floats
+    along: Floats
+    length: Floats
+
+    @staticmethod
+    def of(columns: Floats, length: Floats, space: ResidualSpace, *, own: bool) -> "_Equations":
+        """Of white columns (U, M, n, c) of laws, of each unit on its own or all together."""
+        known, residual = space.shared_basis, space.residual[..., None]
+        columns = columns.transpose(2, 0, 1, 3)
+        turned = columns.swapaxes(2, 3)
+        along, border, normal = turned @ residual, turned @ known, turned @ columns
+        if not own:
+            along, border, normal = (x.sum(1, keepdims=True) for x in (along, border, normal))
+        n, U, c = normal.shape[:3]
+        if known.shape[2]:
+            whole = np.zeros((n, U, c, U, c))
+            whole[:, np.arange(U), :, np.arange(U)] = normal.swapaxes(0, 1)
+            flat = border.reshape(n, U * c, -1)
+            normal = (whole.reshape(n, U * c, -1) - flat @ flat.swapaxes(1, 2))[:, None]
+        return _Equations(normal, along.reshape(*normal.shape[:3]), length)
+
+    def by_extent(self, units: int, width: int) -> Iterator[tuple[Floats, Floats]]:
+        """Squares (n, some) that some columns explain, and how many directions of them are seen: all columns of so many
+        a unit, those of each axis, which follow each other, and those of each unit."""
+        groups = self.normal.shape[1]
+        every = np.arange(units * width // groups).reshape(-1, width)
+        squares, seen = self._explained_by(every.reshape(1, -1))
+        yield squares.sum(1), seen.sum(1)
+        if width % AXES == 0:
+            on_axis = every.reshape(len(every), -1, AXES).transpose(2, 0, 1).reshape(AXES, -1)
+            along, shown = self._explained_by(on_axis)
+            yield along.sum(1), shown.sum(1)
+        if groups > 1:
+            yield squares[..., 0], seen[..., 0]
+        elif units > 1:
+            squares, seen = self._explained_by(every)
+            yield squares[:, 0], seen[:, 0]
+
+    def _explained_by(self, chosen: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Squares (n, G, some) that chosen columns (some, columns) explain, and how many directions are seen."""
+        m, E = np.linalg.eigh(self.normal[:, :, chosen[:, :, None], chosen[:, None]])
+        seen = m > LEAST_SHARE * self.length[:, None, None, None]
+        u = (E.swapaxes(-1, -2) @ self.along[:, :, chosen, None])[..., 0]
+        return np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0).sum(-1), seen.sum(-1).astype(float)
+
+
+def _judged(squares: Floats, numbers: Floats, space: ResidualSpace) -> _Explained:
+    """What laws explain by the squares (n, some) of some of their columns, of which they have one alone, and by so many
+    numbers."""
     share = np.minimum(squares / space.rest, 1 - 1e-9)
     shown = (numbers > 0) & (numbers < space.dof)
     free = np.where(shown, space.dof - numbers, 1.0)
     chance = scipy.special.betainc(free / 2, np.maximum(numbers, 1) / 2, 1 - share)
-    grown = (RATIOS / (1 + RATIOS))[:, None]
-    nats = -0.5 * space.dof * np.log1p(-grown * share) - 0.5 * numbers * np.log1p(RATIOS)[:, None]
-    return _Explained(np.where(shown, log_mean_exp(nats.T), -np.inf), np.where(shown, chance, 1.0))
+    grown = (RATIOS / (1 + RATIOS))[:, None, None]
+    each = -0.5 * space.dof * np.log1p(-grown * share) - 0.5 * numbers * np.log1p(RATIOS)[:, None, None]
+    nats = np.where(shown, log_mean_exp(np.moveaxis(each, 0, -1)), -np.inf)
+    least = np.where(shown, chance, 1.0).min(axis=1)
+    return _Explained(_mean_of_shown(nats), np.minimum(shown.shape[1] * least, 1.0))
 
 
-def _squares(columns: Floats, length: Floats, space: ResidualSpace, *, own: bool) -> tuple[Floats, Floats]:
-    """Squares (n) that white columns (U, M, n, c) of laws explain, of each unit on its own or all together, and how
-    many directions of them are seen."""
-    known, residual = space.shared_basis, space.residual[..., None]
-    columns = columns.transpose(2, 0, 1, 3)
-    turned = columns.swapaxes(2, 3)
-    along, border, normal = turned @ residual, turned @ known, turned @ columns
-    if not own:
-        along, border, normal = (x.sum(1, keepdims=True) for x in (along, border, normal))
-    n, U, c = normal.shape[:3]
-    if known.shape[2]:
-        whole = np.zeros((n, U, c, U, c))
-        whole[:, np.arange(U), :, np.arange(U)] = normal.swapaxes(0, 1)
-        flat = border.reshape(n, U * c, -1)
-        normal = (whole.reshape(n, U * c, -1) - flat @ flat.swapaxes(1, 2))[:, None]
-        along = along.reshape(n, 1, U * c, 1)
-    m, E = np.linalg.eigh(normal)
-    seen = m > LEAST_SHARE * length[:, None, None]
-    u = (E.swapaxes(2, 3) @ along)[..., 0]
-    squares = np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0)
-    return np.asarray(squares.sum((1, 2))), np.asarray(seen.sum((1, 2)), float)
+def _mean_of_shown(nats: Floats) -> Floats:
+    """The log evidence (n) of laws that are one of some choices (n, some), −∞ where none is shown."""
+    shown = np.max(nats, axis=1) > -np.inf
+    return np.where(shown, log_mean_exp(np.where(np.reshape(shown, (-1, 1)), nats, 0.0)), -np.inf)
