@@ -19,7 +19,6 @@ from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANG
 from station.diagnosis.data.reduce import mean_and_contrasts
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
-from station.model.forward import resting_stimulus
 
 #: The kernel of what changes within the dwells.
 MOVING_KERNEL = "dwell-phase"
@@ -33,7 +32,7 @@ def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
     count = view.reduced.count
     if view.reduced.contrast.shape[1] == 0 or not np.any(count[:, 1:]):
         return
-    a = resting_stimulus(view.scene, view.active)
+    a = view.stimulus
     step = steps_before(view, a)
     slow, driven = list(_slow_courses(view)), list(_driven_courses(view))
     sizes = np.ones_like(a), step, a

@@ -11,7 +11,6 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
 from station.model.effects.nest_tilt import NestTilt
-from station.model.forward import resting_stimulus
 
 
 def kernel(name: str, of: str, view: ResidualView, columns: StopColumns) -> Candidate:
@@ -84,7 +83,7 @@ def turns_of_nests(view: ResidualView) -> Iterator[Floats]:
         return
     turn = view.signature(NestTilt.example(), "common")[0]
     if view.scene.is_recorded("gold") and not view.scene.recipe.converts:
-        a, seats = resting_stimulus(view.scene, view.active), view.scene.visits.seat_R
+        a, seats = view.stimulus, view.scene.visits.seat_R
         turn = np.cross(a[:, None, :], seats).transpose(0, 2, 1)
     if np.any(turn):
         yield turn

@@ -11,7 +11,6 @@ from station.diagnosis.candidates.motion_laws import motion_laws
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Array, Floats
-from station.model.forward import resting_stimulus
 
 #: Quantiles at which a covariate may switch, and at which it may bend; periods of its waves, as shares of its range.
 SWITCHES, BENDS, PERIODS = (
@@ -72,7 +71,7 @@ def laws_of_view(view: ResidualView) -> Iterator[Law]:
 
 def _stimulus(view: ResidualView) -> Floats:
     """What each axis feels at each stop (v, 3), as a share of the most."""
-    a = resting_stimulus(view.scene, view.active)
+    a = view.stimulus
     return np.asarray(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300))
 
 

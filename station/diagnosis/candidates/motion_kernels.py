@@ -17,7 +17,6 @@ from station.domain.core import rotation
 from station.domain.core.types import Floats
 from station.model.effects.base_tilt import BaseTilt
 from station.model.effects.nest_tilt import NestTilt
-from station.model.forward import resting_stimulus
 
 #: Shares of what one visit left that the next one keeps: of what was felt, of a long move, of what the motors did.
 FELT_KEPT, MOVE_KEPT, MOTOR_KEPT = (0.5, 0.8), 0.6, (0.0, 0.75)
@@ -89,7 +88,7 @@ def _wound_up(turn: Floats, view: ResidualView) -> Floats:
 
 def _memories(view: ResidualView) -> Iterator[Candidate]:
     """What each axis felt at the visits before, how far they were, and whether they were far, the later the more."""
-    a, previous = resting_stimulus(view.scene, view.active), view.scene.visits.previous
+    a, previous = view.stimulus, view.scene.visits.previous
     came = steps_before(view, a)
     felt = [own_axis(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
     yield from kernels_at(view, "order", np.concatenate(felt, axis=2), "unit", "common")

@@ -18,7 +18,6 @@ from station.diagnosis.candidates.kernel_columns import (
 )
 from station.diagnosis.candidates.motion_kernels import turns_of, way_of
 from station.diagnosis.data.residuals import ResidualView
-from station.model.forward import resting_stimulus
 
 #: Pallets of a carousel that come by turns.
 PALLETS = 3
@@ -29,7 +28,7 @@ def order_kernels(view: ResidualView) -> Iterator[Candidate]:
     each axis felt before that, and where it came from."""
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
-    a = resting_stimulus(view.scene, view.active)
+    a = view.stimulus
     step = each_axis(steps_before(view, a))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
     earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))

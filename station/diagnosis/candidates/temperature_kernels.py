@@ -11,7 +11,6 @@ from station.diagnosis.candidates.kernel_columns import each_axis, kernel, kerne
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
-from station.model.forward import resting_stimulus
 
 #: Lag behind the temperature, as a share of a run's duration, and play in it, as a share of a run's range.
 LAG, PLAY = 0.3, 0.4
@@ -69,7 +68,7 @@ def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
     memory, rate = TemperatureMemory.of(view.scene), view.scene.temperature_rate
     if memory is None or rate is None:
         return
-    a = resting_stimulus(view.scene, view.active)
+    a = view.stimulus
     for x in (np.sign(rate), (memory.temperature_degC - memory.lagged(LAG)) / memory.range_degC):
         if np.ptp(x) > 0:
             yield from kernels_at(view, "temperature*input", each_axis(a) * x[:, None, None], "unit", "common")
@@ -77,7 +76,7 @@ def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
 
 def _fading_by_pose(view: ResidualView) -> Iterator[Candidate]:
     """What each axis takes of any after power-on or clamping, the less the later: air that rises by a warm part."""
-    a = resting_stimulus(view.scene, view.active)
+    a = view.stimulus
     for since in (view.scene.since_power_s, view.scene.since_clamp_s):
         if since is not None and np.ptp(since) > 0:
             fading = np.exp(-since / FADE_S)[:, None, None]

@@ -11,8 +11,8 @@ import numpy as np
 from station.domain.core import rotation
 from station.domain.core.types import Array, Floats
 from station.domain.recognition.ellipsoid import axis_parallel
-from station.model.forward import ActiveEffects, BaseResponse, resting_stimulus
-from station.model.scene import Scene
+from station.model.forward import BaseResponse
+from station.model.scene import Scene, Signal
 
 #: Directions are found when they no longer move by more than this, rad.
 CONVERGED_RAD = 1e-9
@@ -41,10 +41,11 @@ def with_directions(scene: Scene, true: Floats) -> Scene:
     return replace(scene, visits=replace(visits, nest_R=turned))
 
 
-def next_direction(scene: Scene, residual: Floats, base: BaseResponse, active: ActiveEffects) -> tuple[Floats, float]:
-    """Directions (v, 3) after what the readings differ by (v, 3) is laid to them, and the largest move, rad."""
-    now = resting_stimulus(scene, active)
-    lacking = np.linalg.solve(base.matrix[scene.visits.unit.code], residual[..., None])[..., 0]
+def next_direction(signal: Signal, residual: Floats, base: BaseResponse) -> tuple[Floats, float]:
+    """Directions (v, 3) after what the readings differ by (v, 3) is laid to those that the sensors feel now, and the
+    largest move, rad."""
+    now = signal.at_visit
+    lacking = np.linalg.solve(base.matrix[signal.scene.visits.unit.code], residual[..., None])[..., 0]
     found = _unit_vectors(now + lacking)
     return found, float(np.max(np.linalg.norm(found - _unit_vectors(now), axis=1), initial=0.0))
 

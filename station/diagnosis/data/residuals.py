@@ -28,6 +28,7 @@ from station.model.forward import (
     derivatives,
     forward,
     resting_stimulus,
+    sensor_reading,
     sensor_signal,
 )
 from station.model.scene import Scene, Signal
@@ -69,9 +70,14 @@ class ResidualView:
         return self.reduced.scene
 
     @cached_property
-    def _signal(self) -> Signal:
+    def signal(self) -> Signal:
         """What the sensors feel at the stops; every signature begins with it."""
         return sensor_signal(self.scene, self.active)
+
+    @property
+    def stimulus(self) -> Floats:
+        """What each sensor feels at rest at each stop (v, 3)."""
+        return self.signal.at_visit
 
     @cached_property
     def _fine_signal(self) -> Signal:
@@ -105,7 +111,7 @@ class ResidualView:
         """Means (v, 3) and contrasts (v, B−1, 3) as the simulation has them."""
         if self.moves_in_dwell:
             return self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))
-        mean, contrast = forward(self.scene, self.base, self.active), np.zeros_like(self.reduced.contrast)
+        mean, contrast = sensor_reading(self.signal, self.base, self.active), np.zeros_like(self.reduced.contrast)
         if any(acting.effect.drawn_over in COURSES for acting in self.active.values()):
             contrast = self.reduced.reduce_fine(forward(self.reduced.fine, self.base, self.active))[1]
         return mean, contrast
@@ -149,7 +155,7 @@ class ResidualView:
         (v, B−1, 3, axes), None where the cause stands still during a stop."""
         r, at = self.reduced, (self.base, effect, of, self.active)
         if not _varies_in_dwell(effect):
-            return np.stack(list(derivatives(r.scene, *at, self._signal)), axis=-1), None
+            return np.stack(list(derivatives(r.scene, *at, self.signal)), axis=-1), None
         visits, rows = len(r.mean), r.rows_of_visit
         mean, contrast = np.empty((visits, 3, len(effect.columns))), np.empty((*r.contrast.shape, len(effect.columns)))
         # Some visits at a time: a derivative inside the blocks has sixteen times as many numbers as what is kept of it.
@@ -218,7 +224,7 @@ class ResidualView:
     def calibration(self, matrix: bool) -> Floats:
         """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix; zero for a gain that these
         stops cannot show."""
-        a = resting_stimulus(self.scene, self.active) * self.stimulated()
+        a = self.stimulus * self.stimulated()
         offset = np.broadcast_to(np.eye(3), (len(a), 3, 3))
         if not matrix:
             return np.concatenate([offset, np.eye(3) * a[:, None, :]], axis=2)
@@ -296,8 +302,8 @@ def _with_directions(view: ResidualView) -> tuple[ResidualView, Floats]:
     """The view of parts turned as their readings say, and what each of them feels then (v, 3)."""
     moving, reduced = view.moves_in_dwell, view.reduced
     for rounds in range(20):
-        mean = view.simulated()[0] if moving else forward(view.scene, view.base, view.active)
-        along, step = magnitudes.next_direction(view.scene, reduced.mean - mean, view.base, view.active)
+        mean = view.simulated()[0] if moving else sensor_reading(view.signal, view.base, view.active)
+        along, step = magnitudes.next_direction(view.signal, reduced.mean - mean, view.base)
         reduced = replace(reduced, scene=magnitudes.with_directions(view.scene, along))
         if moving:
             reduced = replace(reduced, fine=magnitudes.with_directions(reduced.fine, along))

@@ -92,8 +92,7 @@ class Library:
 
 def libraries(view: ResidualView, visits: NDArray[np.bool_]) -> tuple[Library, ...]:
     """All that these data could show, what stands still and what moves within a visit, as some visits (v) have it."""
-    still = sensor_signal(view.scene, view.active)
-    found = [_library(view, still, visits, moving=False)]
+    found = [_library(view, view.signal, visits, moving=False)]
     if view.reduced.contrast.shape[1] and view.scene.since_arrival_s is not None:
         within = np.repeat(visits, view.reduced.rows_of_visit)
         found.append(_library(view, sensor_signal(view.reduced.fine, view.active), within, moving=True))

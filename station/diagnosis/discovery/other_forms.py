@@ -31,7 +31,6 @@ from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.formula.grammar import GROUP_LEVELS, FormulaColumn
 from station.model.formula.term import Term, axis_places
-from station.model.forward import sensor_signal
 from station.model.scene import Scene
 
 #: Levels between which a covariate steps, at most.
@@ -90,7 +89,7 @@ def _nats(fit: TermFit, at: TermSpace) -> float:
 
 def _best_with_edges(wave: Term, at: TermSpace) -> float:
     """What the best wave with edges is worth in place of a smooth one."""
-    signal = sensor_signal(at.view.scene, at.view.active)
+    signal = at.view.signal
     felt = {(c.i, c.j, c.phase): (c, wave.factor_values(c, signal)[0]) for c in wave.columns}.values()
 
     def worth(values: Floats) -> float:
@@ -101,7 +100,7 @@ def _best_with_edges(wave: Term, at: TermSpace) -> float:
 
 def edge_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
     """Columns (v, 3, K) of each law with steps that a term may be taken for."""
-    signal = sensor_signal(view.scene, view.active)
+    signal = view.signal
     parts = [(c, *term.factor_values(c, signal)) for c in term.columns]
     for covariate in (n for n in term.needs if not n.startswith("since")):
         for step in _steps(signal.scene.require(covariate)):
@@ -117,7 +116,7 @@ def edge_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
 def rate_columns(term: Term, view: ResidualView) -> Iterator[Floats]:
     """The same of each other law of the temperature's rate, where a term goes with that."""
     if "temperature_rate" in term.needs:
-        signal = sensor_signal(view.scene, view.active)
+        signal = view.signal
         parts = [(c, term.factor_values(c, signal)[0]) for c in term.columns]
         for form in _forms_of_rate(view.scene):
             yield _on_axes([(c, felt * form) for c, felt in parts])

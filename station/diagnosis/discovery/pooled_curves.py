@@ -16,7 +16,6 @@ from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.formula.grammar import FormulaColumn
 from station.model.formula.term import Term, axis_places
-from station.model.forward import sensor_signal
 from station.model.scene import Signal
 
 #: Degree of a curve, and of the course of a wave's two sizes.
@@ -38,7 +37,7 @@ def pooled_curves(
     if term.is_turn or "since_arrival_s" in term.needs:
         return
     scene = problem.view.scene
-    signal = sensor_signal(scene, problem.view.active)
+    signal = problem.view.signal
     sizes = np.where(item.hit[:, None], item.coefficient, 0.0)[item.candidate.code]
     parts = [(c, sizes[:, at], *term.factor_values(c, signal)) for at, c in enumerate(term.columns)]
     along = next(iter(term.needs), "time_s") if term.modulator != "constant" else ""
@@ -57,7 +56,7 @@ def pooled_curves(
 def constant_columns(problem: ScoringProblem, item: AcceptedCause, term: Term) -> Floats:
     """Columns (v, 3, constants) of what a small step of each free constant does: that the constants are at their best
     already leaves nothing along these."""
-    signal = sensor_signal(problem.view.scene, problem.view.active)
+    signal = problem.view.signal
     sizes = np.where(item.hit[:, None], item.coefficient, 0.0)[item.candidate.code]
     found = np.zeros((len(sizes), 3, len(term.constants)))
     for n, (field, value) in enumerate(term.constants):

@@ -25,7 +25,6 @@ from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 from station.model.formula.term import Term
-from station.model.forward import sensor_signal
 
 #: By how many standard deviations the whole may be larger than noise makes it, and the chances that any of the patterns
 #: fails, or any curve of a term, or any that all share, where nothing is left: most where least numbers are free.
@@ -153,7 +152,7 @@ def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
 def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> Iterator[Pattern]:
     """What may repeat in the rest, at some stops (v)."""
     scene = problem.view.scene
-    felt = sensor_signal(scene, problem.view.active).true[stops]
+    felt = problem.view.signal.true[stops]
     ones = np.ones((len(felt), 1))
     run, position = (scene.codes(level)[stops] for level in ("run-of-recipe", "position"))
     visit = np.asarray(scene.visits.visit)[stops]
@@ -170,7 +169,7 @@ def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> It
 def _curves_of_terms(problem: ScoringProblem, stops: NDArray[np.bool_], terms: Sequence[Term]) -> Iterator[Pattern]:
     """Any curve in place of that of each term: along what modulates it, and from position to position."""
     scene = problem.view.scene
-    signal = sensor_signal(scene, problem.view.active)
+    signal = problem.view.signal
     run, position = (scene.codes(level)[stops] for level in ("run-of-recipe", "position"))
     for term in terms:
         if term.is_turn or "since_arrival_s" in term.needs:

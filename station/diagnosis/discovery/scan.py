@@ -6,6 +6,7 @@ of coefficients, for all units or for each; its evidence needs only the share of
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
 from station.domain.core.types import Array, Floats
+from station.model.formula.grammar import FormulaColumn
 from station.model.formula.term import Term
 
 #: Columns that are laid out at once.
@@ -157,7 +159,7 @@ def _placed_within(view: ResidualView, values: Floats, axes: Sequence[int], unit
 def _batches(library: Library, columns: Array, length: Floats, space: ResidualSpace) -> Iterator[ChoiceBatch]:
     by_width: dict[int, list[tuple[ColumnProduct, tuple[int, ...]]]] = {}
     for p in library.products:
-        for chosen in _subsets(p):
+        for chosen in _subsets(p.columns):
             by_width.setdefault(len(chosen), []).append((p, chosen))
     shared = (columns @ space.shared_basis.astype(np.float32)).sum(0, dtype=float)
     for width, some in by_width.items():
@@ -195,14 +197,14 @@ def _directions(normal: Floats, scale: Floats, dof: int) -> tuple[Floats, NDArra
     return turn, np.where(rank > dof // 4, 0, rank)
 
 
-def _subsets(p: ColumnProduct) -> Iterator[tuple[int, ...]]:
+@cache
+def _subsets(columns: tuple[FormulaColumn, ...]) -> tuple[tuple[int, ...], ...]:
     """Every axis together, and each alone with all its phases."""
-    yield tuple(range(len(p.columns)))
     alone: dict[tuple[int, int], list[int]] = {}
-    for at, c in enumerate(p.columns):
+    for at, c in enumerate(columns):
         alone.setdefault((c.i, c.j), []).append(at)
-    if len(alone) > 1:
-        yield from (tuple(at) for at in alone.values())
+    each = [tuple(at) for at in alone.values()] if len(alone) > 1 else []
+    return tuple(range(len(columns))), *each
 
 
 def _normal(columns: Array, index: NDArray[np.intp]) -> Floats:

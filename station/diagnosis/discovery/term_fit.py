@@ -23,7 +23,6 @@ from station.domain.core.types import Floats
 from station.model.effect import Effect
 from station.model.formula.term import Term
 from station.model.formula.term_effect import effect_of
-from station.model.forward import sensor_signal
 
 #: The name of a term that has none yet.
 UNNAMED = "hypothesis"
@@ -126,7 +125,7 @@ def _by_simulation(term: Term) -> bool:
 
 def _still_columns(term: Term, view: ResidualView) -> Floats:
     """Columns (v, 3, K) of a term that stands still during a visit."""
-    signal = sensor_signal(view.scene, view.active)
+    signal = view.signal
     stop = np.zeros((len(view.reduced.mean), 3, len(term.columns)))
     for at, column in enumerate(term.columns):
         stop[:, column.i, at] = term.column(column, signal)
