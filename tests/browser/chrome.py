@@ -137,6 +137,10 @@ class Browser:
         """As it would be printed, or on the screen again."""
         self._chrome("Emulation.setEmulatedMedia", {"media": "print" if on else ""})
 
+    def scheme(self, name: str) -> None:
+        """The colours that the person's desk asks for: light or dark."""
+        self._chrome("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": name}]})
+
     def memory(self) -> dict[str, int]:
         """Nodes, listeners and bytes of the page after a garbage collection."""
         self._chrome("HeapProfiler.collectGarbage", {})
