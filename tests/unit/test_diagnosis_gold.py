@@ -7,7 +7,9 @@ import pytest
 
 from station.config.recipes import load_recipe
 from station.diagnosis.data.faults import GrossFault, inspect
+from station.diagnosis.results.diagnose import Diagnosis
 from station.diagnosis.results.extend import extend_model
+from station.diagnosis.results.gold_direction import gold_directions, settle
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
@@ -131,3 +133,42 @@ def test_a_steady_gold_has_no_course() -> None:
         causes = parse_effects(["nest-tilt", "base-tilt", "local-gravity=0.001", "settling"], recipe)
         made = simulate(SimulationJob(recipe, UNITS, seed, causes, gold=True)).table
         assert "gold-drift" not in {f.effect for f in inspect(recipe, made).faults}
+
+
+def seated_gold(seat_std_deg: float | None) -> Recipe:
+    """Tilts once round, the truth taken from gravity, with a gold beside the units whose seat is known so well."""
+    shown = load_recipe("tilt-24").model_dump(by_alias=True)
+    gold = {"serial": "G1", "due": "2030-01-01", "seat_std_deg": seat_std_deg}
+    return Recipe.model_validate(
+        {**shown, "runs": shown["runs"][:1], "reference": {**shown["reference"], "gold": gold}}
+    )
+
+
+@pytest.fixture(scope="module")
+def tied() -> Diagnosis:
+    """One seating of two units, each in a tilted nest of its own: the units alone tell neither nest nor package."""
+    recipe = seated_gold(None)
+    job = SimulationJob(recipe, UNITS[:2], 7, parse_effects(("nest-tilt=0.003",), recipe), gold=True)
+    return diagnosis_of(recipe, simulate(job).table)
+
+
+@pytest.mark.parametrize(
+    ("gold_tilts", "seat_std_deg", "told"),
+    [
+        (True, 0.02, ("nest-tilt",)),
+        (False, 0.02, ("package-rotation",)),
+        (True, 0.2, ("nest-tilt", "package-rotation")),
+        (True, None, ("nest-tilt", "package-rotation")),
+    ],
+)
+def test_the_gold_s_direction_tells_a_tilted_nest_from_turned_packages(
+    tied: Diagnosis, gold_tilts: bool, seat_std_deg: float | None, told: tuple[str, ...]
+) -> None:
+    """A gold that does not tilt speaks for the packages; one whose seat is as uncertain as the tilt for nobody."""
+    recipe, table = seated_gold(seat_std_deg), tied.table
+    if not gold_tilts:
+        table = replace(table, gold=simulate(SimulationJob(recipe, UNITS[:2], 7, gold=True)).table.gold)
+    (finding,) = settle(tied.search_result, gold_directions(recipe, table)).findings
+    assert (finding.name, *finding.indistinguishable_from) == told
+    assert finding.set_probability == pytest.approx(tied.search_result.findings[0].set_probability)
+    assert finding.accepted is not None and finding.accepted.candidate.name == told[0]

@@ -18,6 +18,7 @@ from station.diagnosis.data.stays import recut
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.results.confounded_covariates import with_confounded
 from station.diagnosis.results.estimate import Estimate, estimate_causes
+from station.diagnosis.results.gold_direction import GoldDirections, gold_directions, settle
 from station.diagnosis.search.alarm import EXPLAINS_NATS, FAMILY_WISE_LEVEL
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.finding import CauseFinding
@@ -100,7 +101,8 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     input_checks.check_unclipped(table, inspected.table)
     reduced = reduce_samples(recipe, inspected.table)
     inspected = replace(inspected, as_measured=not inspected.faults and cut.as_it_came)
-    return diagnose_reduced(recipe, SampleSource.of(table), inspected, reduced, model, null_of)
+    gold = gold_directions(recipe, inspected.table)
+    return diagnose_reduced(recipe, SampleSource.of(table), inspected, reduced, model, null_of, gold)
 
 
 def diagnose_reduced(
@@ -110,14 +112,15 @@ def diagnose_reduced(
     reduced: ReducedScene,
     model: Model,
     null_of: NullFactory,
+    gold: GoldDirections | None = None,
 ) -> Diagnosis:
-    """The same for samples that were already inspected and reduced."""
+    """The same for samples that were already inspected and reduced; gold: its directions, where they count."""
     known = {effect.effect for effect in model.effects}
     news = tuple(f for f in inspected.faults if f.effect not in known)
     problem = initial_problem(reduced, FloorAllowance.of(recipe, model), matrix=model.calibration == "matrix")
     input_checks.check_calibrated(problem.view)
     problem = with_model(problem, model)
-    searched = search_by_sample(problem, null_of, _law_alone)
+    searched = settle(search_by_sample(problem, null_of, _law_alone), gold)
     last, sized = estimate_causes(searched.last)
     floor = last.fit()
     causes = _causes(searched, last, floor, sized[len(problem.accepted) :])

@@ -106,6 +106,14 @@ def course(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.in
     return None if found is None or found.gain is None or not found.gain.accepted else found
 
 
+def calibrated_means(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    """Mean reading (v, 3) of a table's gold in the quiet part of each stop, its own calibration taken off, and the
+    variance (v) of such a mean."""
+    assert table.gold is not None
+    mean, variance = _quiet_means(table, stop, table.gold)
+    return _calibrated(recipe, mean), variance
+
+
 def _calibrated(recipe: Recipe, reading: Floats) -> Floats:
     """The gold's readings (v, 3) with its own calibration taken off."""
     own = recipe.reference.gold
