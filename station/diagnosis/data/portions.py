@@ -160,7 +160,8 @@ def _is_ordinary(recipe: Recipe, table: SampleTable, found: Preflight) -> bool:
         return False
     preflight.check_orientations(recipe, found)
     input_checks.check(recipe, table)
-    return recut(recipe, table).as_it_came
+    # Steps of the mean are remarked, and the samples are those that were looked at unless visits were left out.
+    return recut(recipe, table, steps_looked_for=not found.left_out).as_it_came
 
 
 def _kept(table: SampleTable, used: SampleTable) -> NDArray[np.bool_]:

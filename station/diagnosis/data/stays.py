@@ -53,13 +53,15 @@ class Recut:
         return not (self.stretches or self.steps)
 
 
-def recut(recipe: Recipe, table: SampleTable) -> Recut:
-    """The table, its rows sorted by unit, run and visit, with its stays in stretches of one length."""
+def recut(recipe: Recipe, table: SampleTable, *, steps_looked_for: bool = False) -> Recut:
+    """The table, its rows sorted by unit, run and visit, with its stays in stretches of one length. steps_looked_for:
+    whether no visit as it came has a step of its mean (`split_at_steps`)."""
     table = sort_table(table)
     first = _first_rows(table)
     period = _period(table, first)
     joined = _joined(recipe, table, first, period)
-    steps = _steps(recipe, table, first[np.r_[True, ~joined]], period)
+    known = steps_looked_for and not joined.any()
+    steps = np.zeros(0, np.intp) if known else _steps(recipe, table, first[np.r_[True, ~joined]], period)
     begins = np.union1d(first[np.r_[True, ~joined]], steps)
     row_stay = np.searchsorted(begins, np.arange(len(table)), side="right") - 1
     since = table.time_s - table.time_s[begins][row_stay]

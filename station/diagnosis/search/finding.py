@@ -47,8 +47,8 @@ class CauseFinding:
     """One cause found, or one kernel that no cause explains.
 
     ranks: log evidence of every cause at that point; chosen: what was accepted; probability of it together with
-    `indistinguishable_from`; d: its strength; floor: with it; words: what an unknown depends
-    on; doubts: what that depends on which follows the data better than an unlikely cause.
+    `indistinguishable_from`, those as they stood best being `alike`; d: its strength; floor: with it; words: what an
+    unknown depends on; doubts: what that depends on which follows the data better than an unlikely cause.
     """
 
     name: str
@@ -61,6 +61,7 @@ class CauseFinding:
     statistic: float
     words: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    alike: tuple[Candidate, ...] = ()
 
     @property
     def numbers(self) -> int:
@@ -141,7 +142,8 @@ def cause_finding(
     # What explains nothing is in the set of none, however little the others explain.
     shown = [n for n in likely if evidence[n] >= EXPLAINS_NATS]
     members = [n for n in dict.fromkeys((*shown, *near_by)) if n != cause.name]
-    return CauseFinding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise)
+    alike = tuple(r.best for r in causes if r.best is not None and r.name in members)
+    return CauseFinding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise, alike=alike)
 
 
 def _accept(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause | None, NoiseFloor]:

@@ -2,10 +2,10 @@
 
 What forty units show clearly, four hundred show as clearly: only its sizes need them all. The sample holds units spread
 over the fleet and those whose readings scatter unlike all others'. What is found in it holds for the fleet where it is
-certain: causes of the library, told from all others, beside which the sample has nothing left. In all units they are
-fitted anew, and nothing may be left there either: no unit stands out, no part of the floor is beyond its bound, and no
-cause of the library, in the shape that it fits the sample best with at each level, explains anything. Otherwise the
-fleet is searched as a whole, as it is where its sample shows nothing.
+certain: causes of the library, told from all others but those that all units cannot tell from them either, beside which
+the sample has nothing left. In all units they are fitted anew, and nothing may be left there: no unit stands out, no
+part of the floor is beyond its bound, and no cause of the library, in the shape that it fits the sample best with at
+each level, explains anything. Otherwise the fleet is searched as a whole, as it is where its sample shows nothing.
 """
 
 from dataclasses import replace
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from station.diagnosis.candidates.bank import Candidate, build_bank, candidates_of_shape
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
+from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.cause_search import (
     SearchResult,
@@ -23,6 +24,7 @@ from station.diagnosis.search.cause_search import (
     search_unchecked,
     with_forms_checked,
 )
+from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
 from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.problem import refined
 from station.diagnosis.search.rank import variance_surprise
@@ -69,11 +71,15 @@ def _in_all_units(problem: ScoringProblem, found: SearchResult) -> SearchResult 
     last, findings = problem, list[CauseFinding]()
     for finding in found.findings:
         assert finding.accepted is not None
-        now = _accepted_by_all(last, finding.accepted, finding)
-        if now is None:
+        candidate = _of_all(finding.accepted.candidate, last)
+        if candidate is None:
             return None
-        last = now
-        findings.append(replace(finding, accepted=last.accepted[-1]))
+        with_it = _accepted_by_all(last, candidate, finding)
+        d = _strength(last, candidate, finding, with_it.fit().floor)
+        if d is None:
+            return None
+        last = with_it
+        findings.append(replace(finding, accepted=last.accepted[-1], d=d))
     if _shows_more(last, found):
         return None
     share = problem.view.grid.units / found.first.view.grid.units
@@ -87,27 +93,45 @@ def _is_certain(found: SearchResult) -> bool:
 
 
 def _is_sure(finding: CauseFinding) -> bool:
-    """Whether a finding is one cause in groups that are known, told from all others."""
+    """Whether a finding is one cause in groups that are known, told from all others but those alike."""
     cause = None if finding.accepted is None else finding.accepted.candidate
     if cause is None or cause.effect is None or cause.pattern == "scan" or cause.own:
         return False
-    return finding.set_probability >= CERTAIN and not finding.indistinguishable_from and not finding.doubts
+    return finding.set_probability >= CERTAIN
 
 
-def _accepted_by_all(problem: ScoringProblem, of_sample: AcceptedCause, finding: CauseFinding) -> ScoringProblem | None:
-    """The problem with a cause of a sample known in all units, with the amplitude that these show; None where these
-    have no such groups."""
-    view, effect = problem.view, of_sample.candidate.effect
-    assert effect is not None
-    candidate = next((c for c in candidates_of_shape(effect, view) if _level(c) == _level(of_sample.candidate)), None)
-    if candidate is None:
+def _of_all(of_sample: Candidate, problem: ScoringProblem) -> Candidate | None:
+    """A candidate of a sample as all units have it; None where they have no such groups."""
+    effect = of_sample.effect
+    if effect is None or of_sample.pattern == "scan":
         return None
-    plain = candidate.plain or candidate
+    return next((c for c in candidates_of_shape(effect, problem.view) if _level(c) == _level(of_sample)), None)
+
+
+def _accepted_by_all(problem: ScoringProblem, candidate: Candidate, finding: CauseFinding) -> ScoringProblem:
+    """The problem with a cause of a sample known in all units, with the amplitude that these show."""
+    view, plain = problem.view, candidate.plain or candidate
+    assert finding.accepted is not None
     every, shape = np.ones(len(plain.names), bool), (len(plain.names), plain.axes)
-    item = AcceptedCause(plain, every, np.zeros(shape), np.zeros(shape), np.broadcast_to(of_sample.std[0], shape))
+    std = np.broadcast_to(finding.accepted.std[0], shape)
+    item = AcceptedCause(plain, every, np.zeros(shape), np.zeros(shape), std)
     floor = problem.with_accepted((*problem.accepted, item)).fit(finding.floor).floor
     own = score_bank(problem, [build_bank([candidate], view.layout, moving=candidate.moving)], floor)
     return refined(replace(problem, near=floor).with_accepted((*problem.accepted, own.accept(candidate, view))))
+
+
+def _strength(problem: ScoringProblem, candidate: Candidate, finding: CauseFinding, floor: NoiseFloor) -> float | None:
+    """How strong a cause is in all units under a floor, with it still unknown; None where all units may tell it from
+    one that the sample could not."""
+    alike = [_of_all(c, problem) for c in finding.alike]
+    others = [(c, np.ones(len(c.names))) for c in alike if c is not None]
+    if len(others) < len(finding.indistinguishable_from):
+        return None
+    layout, moving = problem.view.layout, any(c.moving for c in (candidate, *(c for c, _ in others)))
+    space = problem.space(floor, moving=moving)
+    found = estimate_signal(candidate.plain or candidate, layout, space, np.ones(len(candidate.names)))
+    apart = separations(found, others, layout, space)
+    return None if any(x >= SEPARATION_95 for x in apart.values()) else found.d
 
 
 def _level(candidate: Candidate) -> tuple[str, str]:
