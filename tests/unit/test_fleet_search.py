@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from station.diagnosis.candidates.bank import Candidate, candidates_of_shape
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.evidence import EigenSpectrum
 from station.diagnosis.linear.projection import SpaceSize
@@ -17,6 +18,7 @@ from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.unit_sample import spread_units
 from station.domain.core.types import SampleTable
+from station.model.effects.cubic import Cubic
 from station.model.effects.hysteresis import Hysteresis
 from station.model.effects.settling import Settling
 from station.model.model_file import Model
@@ -24,7 +26,7 @@ from tests.blind.bench import WHITE, hide
 from tests.blind.hidden import KNOWN
 from tests.blind.recipes import recipe
 
-UNITS, SAMPLE = 16, 4
+UNITS, SAMPLE = 12, 3
 
 
 def problem_of(table: SampleTable) -> ScoringProblem:
@@ -39,6 +41,11 @@ def hidden() -> SampleTable:
 @pytest.fixture(scope="module")
 def fleet(hidden: SampleTable) -> ScoringProblem:
     return problem_of(hidden)
+
+
+@pytest.fixture(scope="module")
+def sampled(fleet: ScoringProblem) -> SearchResult:
+    return search_unchecked(fleet.of_units(spread_units(UNITS, SAMPLE), fleet.fit().floor), null_of)
 
 
 @pytest.fixture(autouse=True)
@@ -119,16 +126,33 @@ def test_a_cause_in_one_unit_of_all_is_found_in_it() -> None:
 
 @pytest.mark.usefixtures("not_whole")
 def test_units_are_searched_whole_where_a_sample_shows_nothing_or_not_all(
-    fleet: ScoringProblem, monkeypatch: pytest.MonkeyPatch
+    fleet: ScoringProblem, sampled: SearchResult
 ) -> None:
     with pytest.raises(Whole):
         fleet_search.search_by_sample(problem_of(hide(recipe(2), None, 5, units=UNITS, floor=WHITE)[0]), null_of)
-    found = search_unchecked(fleet.of_units(spread_units(UNITS, SAMPLE), fleet.fit().floor), null_of)
     # What has another square in one unit that the sample has not is more than a part of the fleet's own.
-    assert not fleet_search._shows_more(found_in_all(fleet, found), found)
-    without = replace(found, findings=())
-    assert fleet_search._in_all_units(fleet, without) is None
-    assert fleet_search._shows_more(fleet, found)
+    assert not fleet_search._shows_more(found_in_all(fleet, sampled), sampled)
+    assert fleet_search._in_all_units(fleet, replace(sampled, findings=())) is None
+    assert fleet_search._shows_more(fleet, sampled)
+
+
+def test_a_tie_stays_where_all_units_have_it_and_else_all_are_searched(
+    fleet: ScoringProblem, sampled: SearchResult
+) -> None:
+    (finding,) = sampled.findings
+    assert finding.accepted is not None
+    own, cubic = finding.accepted.candidate, candidates_of_shape(Cubic.example(), sampled.first.view)[0]
+
+    def tied_with(*alike: Candidate) -> SearchResult | None:
+        tied = replace(finding, alike=alike, indistinguishable_from=("another",))
+        return fleet_search._in_all_units(fleet, replace(sampled, findings=(tied,)))
+
+    same, alone = tied_with(own), fleet_search._in_all_units(fleet, sampled)
+    assert same is not None and alone is not None
+    assert same.findings[0].indistinguishable_from == ("another",)
+    # Four times as many units leave about twice the length.
+    assert same.findings[0].d == alone.findings[0].d > 1.5 * finding.d
+    assert tied_with(cubic) is None and tied_with() is None
 
 
 def found_in_all(fleet: ScoringProblem, found: SearchResult) -> ScoringProblem:
