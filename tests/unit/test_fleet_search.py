@@ -75,7 +75,7 @@ def not_whole(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_some_units_of_a_problem_are_what_they_are_in_it(fleet: ScoringProblem) -> None:
-    chosen = np.array([1, 2, 7, 15])
+    chosen = np.array([1, 2, 7, 11])
     floor = fleet.fit().floor
     some = fleet.of_units(chosen, floor)
     setting, stops = fleet.setting.of_units(chosen)
