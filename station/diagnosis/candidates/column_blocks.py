@@ -1,7 +1,7 @@
 """The columns of a bank in blocks that are whitened and multiplied together.
 
-Most columns move one axis alone, and so need a third of the numbers and of the factors that whiten them. The columns
-of a cause that acts in each run by itself are zero in all others: they are laid out once, and looked at run by run.
+Most columns move a single axis, and so need a third of the numbers and of the factors that whiten them. The columns of
+a cause that acts in each run separately are zero in all other runs: they are stored once and evaluated run by run.
 """
 
 import math
@@ -23,8 +23,8 @@ COLUMNS_AT_ONCE = 96
 
 
 class ShapeGroup(NamedTuple):
-    """Candidates that are alike in shape: which, their pattern, groups within a unit, and the sets of columns (b) of
-    the block that they see; several may see one."""
+    """Candidates of the same shape: which, their pattern, groups within a unit, and the sets of columns (b) of the
+    block that they use; several may use one."""
 
     which: tuple[int, ...]
     pattern: Pattern

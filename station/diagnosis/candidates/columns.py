@@ -1,6 +1,6 @@
-"""Columns of a cause at the stops without the places where they are zero, each course once: most columns move one axis
-alone, and many move each axis alike. Those of a fleet's whole bank are held in single precision: what that leaves of a
-column that something known follows is a share of 10⁻¹⁵ of its squares, a hundredth of what counts as nothing."""
+"""Columns of a cause at the stops, stored without their zeros and each course once: most columns move a single axis,
+and many move each axis alike. Those of a large fleet's bank are held in single precision. Of a column that a known
+column follows, that leaves a share of 10⁻¹⁵ of its squares, a hundredth of what counts as zero."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Kernels of what changes within the dwells: any course from block to block, or what fades after each arrival."""
+"""Kernels of changes within the dwells: any course from block to block, or what fades after each arrival."""
 
 from collections.abc import Iterable, Iterator
 
@@ -27,8 +27,8 @@ FADING_KERNEL, FADE_SHARE = "dwell-phase/fading", 0.25
 
 
 def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
-    """Any course within the dwell: the same at each stop, or following the last move or the input; and what fades, of a
-    size that follows what is slow or the drive, two of them together, or the way of the move."""
+    """Any course within the dwell, the same at each stop or in proportion to the last move or the input; and what
+    fades, in proportion to a slow covariate, the drive, the product of two of them, or the path of the move."""
     count = view.reduced.count
     if view.reduced.contrast.shape[1] == 0 or not np.any(count[:, 1:]):
         return

@@ -1,5 +1,5 @@
-"""Candidates of many visits that no readings could tell from nothing: some leave each visit free, or every few of them,
-and follow whatever is read, some move nothing that is kept of a reading."""
+"""Candidates of many visits that no readings could confirm or contradict: some leave every visit free, or every few of
+them, and fit whatever is read; some move nothing that is kept of a reading."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ ROUNDING = 1e-9
 
 
 def says_nothing(candidate: Candidate, view: ResidualView) -> bool:
-    """Whether the groups of many visits are so small that each may read anything, or nothing at all."""
+    """Whether the groups of many visits are so small that each may fit anything, or nothing at all."""
     code, k = candidate.code, view.grid.k
     if len(code) <= MOST_FREE_VISITS or candidate.pattern == "scan" or candidate.moving:
         return False

@@ -48,7 +48,7 @@ Law = tuple[str, tuple[Floats, ...]]
 @dataclass(frozen=True, slots=True, eq=False)
 class Curves:
     """Functions (v) of one covariate. plain: a straight line; bent, switched and bumped: at one place each; waves:
-    cosine and sine of one period each; fading: what is nought at the end, in place of the beginning."""
+    cosine and sine of one period each; fading: large at the beginning and zero at the end."""
 
     plain: Floats
     bent: tuple[Floats, ...]
@@ -140,8 +140,8 @@ def _offsets(curves: Mapping[str, Curves]) -> Iterator[Law]:
 
 
 def _memories(view: ResidualView) -> Iterator[Law]:
-    """An offset on another branch while the temperature rises, alone or beside a straight line, or one that lags; what
-    follows whether, or how fast, the temperature changes, in another way than in proportion."""
+    """An offset on another branch while the temperature rises, alone or beside a straight line, or one that lags; and
+    what follows whether or how fast the temperature changes, other than in proportion."""
     rate = view.scene.temperature_rate
     if rate is not None and np.ptp(rate) > 0:
         yield from (
@@ -169,8 +169,8 @@ def _shocks(view: ResidualView) -> Iterator[Law]:
 
 
 def _heat_flows(view: ResidualView, a: Floats) -> Iterator[Law]:
-    """A gain that is another while the temperature rises, and heat that flows up through a part: what one axis feels
-    says which side lies below."""
+    """A gain that differs while the temperature rises, and heat that flows upwards through a part: what one axis feels
+    shows which side is down."""
     rate = view.scene.temperature_rate
     if rate is None or not np.ptp(rate):
         return
@@ -200,7 +200,7 @@ def _campaign(view: ResidualView) -> Iterator[Law]:
 
 
 def _stairs(view: ResidualView) -> Iterator[Law]:
-    """An offset that climbs with the temperature and falls back at once, as where a compensation goes by steps."""
+    """An offset that climbs with the temperature and falls back at once, as a compensation in steps leaves it."""
     T = view.scene.temperature_degC
     if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
         share = (T - T.min()) / np.ptp(T)
@@ -209,7 +209,7 @@ def _stairs(view: ResidualView) -> Iterator[Law]:
 
 
 def _visits_before(view: ResidualView, a: Floats, step: Floats) -> Iterator[Law]:
-    """What the visits before have left, the later the more: of long moves, of all moves, of what was felt."""
+    """What earlier visits have left, the most recent weighing most: long moves, all moves, what was felt."""
     length = np.linalg.norm(step, axis=1)
     for kept in KEPT:
         for left in ((length > LONG_MOVE).astype(float), length):
@@ -218,7 +218,7 @@ def _visits_before(view: ResidualView, a: Floats, step: Floats) -> Iterator[Law]
 
 
 def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
-    """A gain that does; a gain straight with temperature is a cause of the library."""
+    """The same for a gain; a gain straight with temperature is a cause of the library."""
     for name, of in curves.items():
         plain = () if name == "temperature" else (of.plain,)
         yield from ((f"{name}*input", (on_every_axis(x) * a,)) for x in (*plain, *of.bent, *of.switched, *of.bumped))
@@ -228,7 +228,7 @@ def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
 
 
 def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator[Law]:
-    """What bends the input, or follows the stop before, and changes with a covariate."""
+    """What bends the input or follows the previous stop, times a covariate."""
     for name, of in curves.items():
         x = on_every_axis(of.plain)
         yield from ((f"{name}*input", (x * form,)) for form in (a**2, np.abs(a), a**3))
@@ -237,14 +237,14 @@ def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator
 
 
 def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
-    """What one axis takes of the next two, where it changes with a covariate."""
+    """What an axis picks up from the next two, varying with a covariate."""
     for name, of in curves.items():
         for x in (of.plain, of.switched[len(of.switched) // 2]):
             yield f"{name}*input", (on_every_axis(x) * np.roll(a, 1, axis=1), on_every_axis(x) * np.roll(a, 2, axis=1))
 
 
 def _products_of_axes(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
-    """What one axis takes of the size or the product of others, or of itself and another one, where it changes with a
+    """What an axis picks up from the size or the product of others, or of itself and another one, varying with a
     covariate."""
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     for name, of in curves.items():
@@ -269,12 +269,12 @@ def _forms_of_input(a: Floats) -> Iterator[Law]:
 
 
 def _side(a: Floats) -> Floats:
-    """On which side of level each axis is, 0 where it lies level."""
+    """Which side of level each axis is on, 0 where it is level."""
     return np.asarray(np.sign(a) * (np.abs(a) > 1e-6))
 
 
 def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
-    """What follows the step from the stop before in another way than in proportion."""
+    """What follows the step from the previous stop other than in proportion."""
     size, way = np.abs(step), _side(step)
     yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
     yield from (

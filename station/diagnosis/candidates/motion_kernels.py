@@ -1,7 +1,8 @@
-"""Kernels of how the rig came to a visit: which way it turned, how far in all, what stays of the visits before.
+"""Kernels of how the rig came to a visit: the direction of the turn, the path so far, and what remains of earlier
+visits.
 
-A cable that is dragged pulls by the sign of the turn and winds up with it; a gear leans to the flank that it drives by;
-grease, glue and rubber forget over several visits, and what the motors heated or shook loose does so too.
+A dragged cable pulls by the sign of the turn and winds up with it; a gear leans against the flank that it drives;
+grease, glue and rubber forget over several visits, and so does what the motors heated or shook loose.
 """
 
 from collections.abc import Iterator
@@ -36,8 +37,8 @@ def motion_kernels(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _turns(view: ResidualView) -> Iterator[Candidate]:
-    """Which way the rig turned about its axes, whether that is another way than before, how far, and how far it is
-    wound up about each; and how base and nests lean by it."""
+    """Which way the rig turned about its axes, whether it reversed, how far it turned, and how far it is wound up about
+    each axis; and how base and nests lean with it."""
     if not view.scene.recipe.pose_known:
         return
     turn = turns_of(view)
@@ -69,7 +70,7 @@ def way_of(turn: Floats) -> Floats:
 
 
 def _reversals(way: Floats, view: ResidualView) -> Floats:
-    """The way (v, 3) where it is another than that of the last turn about the same axis, else zero."""
+    """The direction (v, 3) where it differs from that of the last turn about the same axis, otherwise zero."""
     grid = VisitGrid(view.grid.slot, 1)
     ways = grid.spread(way[:, None])
     # Of each visit the last one up to it that turned about an axis; −1 where none did.
@@ -87,7 +88,8 @@ def _wound_up(turn: Floats, view: ResidualView) -> Floats:
 
 
 def _memories(view: ResidualView) -> Iterator[Candidate]:
-    """What each axis felt at the visits before, how far they were, and whether they were far, the later the more."""
+    """What each axis felt at earlier visits, how far these were, and whether they were far, the most recent weighing
+    most."""
     a, previous = view.stimulus, view.scene.visits.previous
     came = steps_before(view, a)
     felt = [own_axis(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
@@ -98,7 +100,7 @@ def _memories(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _motor_before(view: ResidualView) -> Iterator[Candidate]:
-    """What the motors did at the visit before, and at all before that."""
+    """The motors' drive at the previous visit, and at all earlier ones."""
     motor, previous = view.scene.motor, view.scene.visits.previous
     if motor is None or not np.ptp(motor):
         return
@@ -108,7 +110,7 @@ def _motor_before(view: ResidualView) -> Iterator[Candidate]:
 
 
 def remembered(values: Floats, view: ResidualView, kept: float) -> Floats:
-    """Values (v, f) with what a share `kept` of each visit leaves to the next of its run."""
+    """Values (v, f) that decay by a factor `kept` from each visit to the next of its run."""
     grid = VisitGrid(view.grid.slot, 1)
     found, reach = grid.spread(values[:, None]).copy(), 1
     # What the last visits leave, then what twice as many do.

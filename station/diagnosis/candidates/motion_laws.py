@@ -1,4 +1,4 @@
-"""Laws of how the rig came to a visit: its place in the order, the way it turned, how far it went in all."""
+"""Laws of how the rig came to a visit: its place in the order, the direction of the turn, and the path so far."""
 
 from collections.abc import Iterator, Mapping
 from itertools import product
@@ -31,7 +31,7 @@ def motion_laws(view: ResidualView, curves: Mapping[str, Floats]) -> Iterator[Mo
 
 
 def _places_in_order(view: ResidualView, curves: Mapping[str, Floats]) -> Iterator[MotionLaw]:
-    """What comes every so many visits, and what changes sign at each and grows with a covariate."""
+    """What recurs every few visits, and what alternates in sign and grows with a covariate."""
     visit = view.scene.visits.visit
     for every in RETURNS:
         yield from (("order", (1.0 * (visit % every == first),)) for first in range(every))
@@ -41,7 +41,7 @@ def _places_in_order(view: ResidualView, curves: Mapping[str, Floats]) -> Iterat
 
 
 def _motor_before(view: ResidualView) -> Iterator[MotionLaw]:
-    """What the motors did at the visits before."""
+    """The motors' drive at earlier visits."""
     motor, previous = view.scene.motor, view.scene.visits.previous
     if motor is not None and np.ptp(motor) > 0:
         before = np.where(previous >= 0, motor[previous] - motor.mean(), 0.0)[:, None]
@@ -51,7 +51,7 @@ def _motor_before(view: ResidualView) -> Iterator[MotionLaw]:
 
 
 def _turns(view: ResidualView) -> Iterator[MotionLaw]:
-    """What the rig's turns do, and a cable that is wound up."""
+    """Effects of the rig's turns, and of a cable that is wound up."""
     yield from (("order", (x,)) for x in functions_of_turns(view))
     wound = remembered(turns_of(view), view, 1.0)
     for x, waves in product((x for x in wound.T if np.ptp(x) > LEAST_TURN), CABLE_WAVES):

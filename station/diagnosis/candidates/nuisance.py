@@ -1,8 +1,8 @@
 """What is already accounted for: the units' calibration, and the causes accepted so far.
 
-An accepted cause keeps its columns in the model, with the prior its evidence found for its coefficients: normal,
-mean 0, variance `spread`². The data left to the next cause are then the innovations, the strong directions of the
-accepted one taken off, the weak ones shrunk. A cause of a model file has each coefficient's own mean and deviation.
+An accepted cause keeps its columns in the model, with the prior that its evidence found for its coefficients: normal,
+mean 0, variance `spread`². The next cause then sees the innovations: the strong directions of the accepted cause are
+removed, the weak ones shrunk. Coefficients of a cause in a model file have a mean and deviation each.
 """
 
 from collections.abc import Iterator, Sequence
@@ -116,7 +116,7 @@ def nuisance_of(
 
 
 def _covariate_error_columns(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> Iterator[DataColumns]:
-    """What the accepted causes may be off by because their covariates are, for each run of a unit on its own."""
+    """The errors of the accepted causes due to errors of their covariates, for each run of a unit separately."""
     code, names = view.scene.group("run")
     for acting in (acting for item in accepted for acting in item.active_effects().values()):
         stop = view.covariate_error(acting)

@@ -1,4 +1,4 @@
-"""Kernels of the order of the visits: the place in it, the step from the stop before, and where each came from."""
+"""Kernels of the order of the visits: the place in it, the step from the previous stop, and where each came from."""
 
 from collections.abc import Iterator
 
@@ -24,8 +24,8 @@ PALLETS = 3
 
 
 def order_kernels(view: ResidualView) -> Iterator[Candidate]:
-    """Every second or third stop, the step from the one before on any axis and its sign, the length of the move, what
-    each axis felt before that, and where it came from."""
+    """Every second or third stop, the step from the previous stop on any axis and its sign, the length of the move,
+    what each axis felt before that, and where it came from."""
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = view.stimulus
@@ -50,8 +50,8 @@ def order_kernels(view: ResidualView) -> Iterator[Candidate]:
 
 
 def came_from(view: ResidualView) -> Iterator[Candidate]:
-    """Anything by the position before, or the one before that; a nest that comes to rest by where it came from: the
-    position before, or at each position the way that it turned."""
+    """Any number for each position before, or the one before that; and a nest whose rest depends on where it came from:
+    the position before, or at each position the direction of the turn."""
     visits = view.scene.visits
     before = np.where(visits.previous >= 0, visits.position.code[visits.previous], len(visits.position.names))
     names = (*(f"previous:{n}" for n in visits.position.names), "previous:")

@@ -1,7 +1,7 @@
 """A space of some units, and the products of columns in it with one another and with what is known.
 
-Columns of one axis are whitened whole where the floor walks. Where nothing does, each visit has a factor of its own:
-zᵀV⁻¹y is then a sum over the visits of z·y times a weight that their two axes have there, and no column is whitened.
+Where the floor walks, columns of one axis are whitened as a whole. Where nothing walks, each visit has a factor of its
+own: zᵀV⁻¹y is then a sum over the visits of z·y times a weight of their two axes, and no column is whitened.
 """
 
 from collections.abc import Iterator, Sequence
@@ -81,8 +81,8 @@ def _weighted(some: Floats, others: Floats, weight: Floats) -> Floats:
 
 class PartOfSpace(NamedTuple):
     """The space of some units, and what a column is compared with in it, as rows (U, 1 + c + p, ·): the readings, the
-    known columns that all units share, and those of each unit; for columns of one axis, if there are any, factors
-    (3, U, R, B, s, v) that whiten them, or weights of the visits where nothing walks."""
+    known columns shared by all units, and those of each unit. For columns of one axis, if there are any: factors (3, U,
+    R, B, s, v) that whiten them, or weights of the visits where nothing walks."""
 
     space: ResidualSpace
     known: Floats

@@ -1,8 +1,8 @@
 """The bank in a space: what each candidate can show there, and how well it explains the readings.
 
-A fleet is gone through some units at a time. Of a unit's white columns Z only the small products are kept that the
-evidence needs: the eigenvalues of the normal matrix ZᵀZ = E diag(m) Eᵀ, and along E the products ZᵀC and Zᵀr with the
-known columns and the readings.
+A fleet is processed some units at a time. Of a unit's white columns Z only the small products that the evidence needs
+are kept: the eigenvalues of the normal matrix ZᵀZ = E diag(m) Eᵀ, and along E the products ZᵀC and Zᵀr with the known
+columns and the readings.
 """
 
 from collections.abc import Iterator, Sequence
@@ -276,8 +276,8 @@ def _odds_of_groups(can: EigenSpectrum, u: Floats, sets: DataSets) -> Floats:
 
 
 def _leaves_something(visible: NDArray[np.bool_], pattern: Pattern, size: SpaceSize) -> NDArray[np.bool_]:
-    """The directions (b, …, K) that can be seen, none of a candidate that has as many of them as there are numbers:
-    it follows any readings, nothing is left to measure it by, and rounding would be its evidence."""
+    """The directions (b, …, K) that can be seen. None for a candidate with as many of them as there are numbers: it
+    follows any readings, nothing is left to measure it by, and its evidence would be rounding."""
     if pattern == "scan":
         return visible
     axes = tuple(range(-1 - GROUP_AXES[pattern], 0))
@@ -295,9 +295,7 @@ def _turned(columns: Array, E: Floats) -> Array:
 
 
 def visible_candidates(projected: ProjectedBank, swollen: float) -> tuple[bool, ...]:
-    """Of each candidate, whether the largest amplitude met in practice would leave more than noise (d > 1).
-
-    swollen: how many times the noise is larger than the samples' own, perhaps by what is yet to be found.
-    """
+    """For each candidate, whether the largest amplitude met in practice would exceed noise (d > 1). swollen: how many
+    times the noise exceeds that of the samples, perhaps because of what is yet to be found."""
     pairs = zip(projected.bank.candidates, projected.spectra, strict=True)
     return tuple(swollen * c.most / AMPLITUDE_LIMIT_FACTOR * float(np.sqrt(s.m.sum())) > 1.0 for c, s in pairs)

@@ -1,8 +1,8 @@
-"""Laws of one coefficient an axis that no cause of the library follows, to compare the form of a cause with.
+"""Laws of one coefficient an axis outside the library, against which the form of a cause is compared.
 
-A kernel is wide: it follows anything that depends on its covariate, and pays for every direction of it. A bend, a
-threshold, a wave or a product at one value of its constants pays for one, and shows a form that is wrong by little.
-What the library's causes do themselves is left out. These columns, like those of the kernels, are not simulated.
+A kernel is wide: it follows anything that depends on its covariate, and pays for each of its directions. A bend, a
+threshold, a wave or a product at one value of its constants pays for one direction and reveals a slightly wrong form.
+What causes of the library do themselves is left out. Like those of the kernels, these columns are not simulated.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -55,13 +55,13 @@ PREFIX = "law:"
 
 
 def covariates_of_law(name: str) -> tuple[str, ...]:
-    """On what a law depends, as `unknown.depends_on` has it."""
+    """What a law depends on, as in `unknown.depends_on`."""
     return tuple(name.removeprefix(PREFIX).split("/")[0].split("*"))
 
 
 def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: str = "unit") -> Iterator[Candidate]:
-    """Every law that these data can show, one after the other: for each unit on its own and, of several units, common
-    to all; those of the shape and the level of a cause, too: what changes it, what else switches where it jumps."""
+    """Every law that these data can show, one after the other: for each unit and, of several units, common to all. With
+    a cause, also laws of its shape and level: what modulates it, and what else switches where it jumps."""
     of = level if cause is None else cause.candidate.of
     levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
     found = [_at_levels(view, laws_of_view(view), levels), _tilts(view)]
@@ -91,7 +91,8 @@ def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -
 
 
 def _straight(view: ResidualView) -> Iterator[Law]:
-    """An offset in proportion to a covariate: of each unit or run a cause of the library, of a nest or a lot none."""
+    """An offset in proportion to a covariate: for each unit or run that is a cause of the library, for a nest or a lot
+    none."""
     for name, of in curves_by_covariate(view):
         yield name, (on_every_axis(of.plain),)
 
@@ -123,8 +124,8 @@ def _weight_in_nest(view: ResidualView) -> list[Floats]:
 
 
 def _courses_of_run(view: ResidualView) -> Iterator[Law]:
-    """What each run has of its own: waves in time, which have another phase in each, and what grows faster than time,
-    or later."""
+    """What is separate in each run: waves in time, with a phase of their own, and what grows faster than time, or
+    later."""
     for name, of in curves_by_covariate(view):
         if name == "time":
             yield from ((name, (on_every_axis(x), on_every_axis(y))) for x, y in of.waves)
@@ -132,7 +133,8 @@ def _courses_of_run(view: ResidualView) -> Iterator[Law]:
 
 
 def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
-    """Switches of the temperature where it stood as a cause jumps in time: where it only rises they are the same."""
+    """Switches at the temperature of the moment when a cause jumps in time: where it only rises, the two are the
+    same."""
     T, times, previous = view.scene.temperature_degC, view.scene.time_s, view.scene.visits.previous
     one = jump.candidate
     if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE or not has_jump(one.effect):
@@ -149,8 +151,8 @@ def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
 
 
 def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
-    """A cause that changes with a covariate: a course within the dwells that does, or grows with the move before it;
-    and whatever stands still in a dwell, of one size at first."""
+    """A cause that varies with a covariate: a course within the dwells that does, or grows with the move before it; and
+    whatever is constant within a dwell, at first of one size."""
     curves = [(name, of.plain) for name, of in curves_by_covariate(view)]
     stop, dwell = cause.stop, cause.dwell
     if dwell is not None:
@@ -183,7 +185,7 @@ def _within_groups(cause: Candidate, x: Floats) -> tuple[Floats, Floats]:
 
 
 def _of_each(law: Candidate, view: ResidualView) -> Iterator[Candidate]:
-    """A law as it is shared, and of each unit on its own where it is not."""
+    """A law as it is shared, and for each unit separately where it is not."""
     yield law
     if law.of not in PER_UNIT_LEVELS and view.grid.units > 1:
         code, names = view.scene.group("unit")
@@ -255,6 +257,6 @@ def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list
 
 
 def _law_of(cause: Candidate, word: str, columns: StopColumns) -> Candidate:
-    """Columns as a law that groups as a cause does."""
+    """Columns as a law with the groups of a cause."""
     name = f"{PREFIX}{word}/{cause.of}"
     return replace(cause, name=name, effect=None, columns=columns, plain=None, own=(), axis_scale=())

@@ -1,4 +1,4 @@
-"""The form of a cause (a time constant, a frequency) at its best, between the values that the bank scans."""
+"""The form of a cause (a time constant, a frequency), fitted between the values that the bank scans."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -47,7 +47,7 @@ def _has_frequency(effect: Effect, p: Parameter) -> bool:
 
 
 def may_ring(effect: Effect | None) -> bool:
-    """Whether a cause has a frequency that nobody has looked for yet."""
+    """Whether a cause has a frequency that was not searched yet."""
     return effect is not None and any(p.name == "frequency" and not _has_frequency(effect, p) for p in effect.forms)
 
 
@@ -119,8 +119,8 @@ def has_jump(effect: Effect | None) -> bool:
 
 
 def refine_jump_time(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
-    """The candidate with its time of a jump at the best moment nearby: the bank looks between the stops of the longest
-    run alone, of which it may leave some out."""
+    """The candidate with the best nearby time of its jump: the bank tries only gaps between the stops of the longest
+    run, and may leave some out."""
     gaps = candidate_jump_times(view)
     i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]
     step = -(-len(gaps) // MAX_JUMP_TIMES)
@@ -132,7 +132,7 @@ def refine_jump_time(candidate: Candidate, view: ResidualView, space: ResidualSp
 def _tune(
     candidate: Candidate, p: Parameter, view: ResidualView, space: ResidualSpace
 ) -> tuple[Candidate, FormEstimate]:
-    """Successive parabolas through the best three points of the logarithm."""
+    """Successive parabolas through the best three points on the logarithm."""
     tried: dict[float, tuple[float, Candidate]] = {}
 
     def at(x: float) -> float:

@@ -68,10 +68,8 @@ def with_priors(white: WhiteRows, known: NuisanceColumns) -> WhiteRows:
 
 
 def solve(white: WhiteRows, used: Floats | None = None) -> NuisanceSolution:
-    """Best coefficients, priors included (the estimate of a random effect is its mean given the data).
-
-    used (U, M): weight 1 of the rows that may be looked at, 0 of the others; all where left out.
-    """
+    """Best coefficients, priors included (the estimate of a random effect is its mean given the data). used (U, M):
+    weight of each row, 1 for those that are fitted and 0 for the others; all where left out."""
     own, shared, data = white.own, white.shared, white.data
     if used is not None:
         own, shared, data = own * used[..., None], shared * used[..., None], data * used
@@ -87,8 +85,8 @@ def solve(white: WhiteRows, used: Floats | None = None) -> NuisanceSolution:
 
 
 def _inverse(normal: Floats) -> Floats:
-    """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut is about directions, not about units; a
-    column of next to nothing, which nothing measured, has a row and a column of zeros."""
+    """Pseudo-inverse (…, p, p). Columns are scaled first, so that the cut depends on directions, not on units. A column
+    of next to nothing, which nothing measured, gets a row and a column of zeros."""
     size = np.sqrt(np.einsum("...pp->...p", normal))
     live = size > LEAST_SIZE
     inverse = np.where(live, 1 / np.where(live, size, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""Kernels of the temperature: curves, waves, switches, what remembers it, and heat that flows or fades by the pose."""
+"""Kernels of the temperature: curves, waves, switches, memory, and heat that flows or fades depending on the pose."""
 
 from collections.abc import Iterator
 
@@ -30,7 +30,8 @@ def temperature_kernels(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _curves(view: ResidualView) -> Iterator[Candidate]:
-    """Curves and waves of temperature, as stairs of a compensation leave, and what remembers it."""
+    """Curves and waves of temperature, as a compensation in steps leaves them, and the memory of earlier
+    temperatures."""
     T = view.scene.temperature_degC
     if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE:
         return
@@ -56,7 +57,7 @@ def _curves(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _places(T: Floats, view: ResidualView) -> Iterator[Candidate]:
-    """What switches at a temperature, or is there near one alone: of one number an axis, where a curve has many."""
+    """What switches at a temperature, or appears only near one: one number an axis, where a curve has many."""
     switches = [(np.quantile(T, q) < T).astype(float) for q in SWITCH_QUANTILES]
     bumps = [np.exp(-0.5 * ((T - np.quantile(T, q)) / (BUMP_SHARE * np.ptp(T))) ** 2) for q in BUMP_QUANTILES]
     for x in (*switches, *bumps):
@@ -64,7 +65,7 @@ def _places(T: Floats, view: ResidualView) -> Iterator[Candidate]:
 
 
 def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
-    """What each axis takes of any while the temperature changes: a flow of heat that turns with the part."""
+    """What each axis picks up from any other while the temperature changes: a flow of heat that turns with the part."""
     memory, rate = TemperatureMemory.of(view.scene), view.scene.temperature_rate
     if memory is None or rate is None:
         return
@@ -75,7 +76,8 @@ def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
 
 
 def _fading_by_pose(view: ResidualView) -> Iterator[Candidate]:
-    """What each axis takes of any after power-on or clamping, the less the later: air that rises by a warm part."""
+    """What each axis picks up from any other after power-on or clamping and loses with time: air that rises along a
+    warm part."""
     a = view.stimulus
     for since in (view.scene.since_power_s, view.scene.since_clamp_s):
         if since is not None and np.ptp(since) > 0:

@@ -1,7 +1,7 @@
-"""Temperatures that remember: what lags behind the thermometer, and what is on another branch while it rises.
+"""Temperatures with memory: what lags behind the thermometer, and what takes another branch while it rises.
 
-A part of a package that is heated late follows a lag; glue, plastic and solder under stress return on another branch
-than they came (play, the element of Prandtl and Ishlinskii). No run knows of the one before.
+A part of a package that is heated late follows a lag; stressed glue, plastic and solder return on another branch (play,
+the element of Prandtl and Ishlinskii). Each run starts without memory of the one before.
 """
 
 from collections.abc import Callable
@@ -58,8 +58,8 @@ class TemperatureMemory:
         return self._by_run(follow)
 
     def branch(self, share: float, start: float = 0.0) -> Floats:
-        """−1 … 1 (v): how far the temperature is ahead of what it drags by a play, a share of a run's range; start:
-        the same as each run begins."""
+        """−1 … 1 (v): how far the temperature leads what it drags with a play, a share of a run's range; start: the
+        branch on which each run begins."""
         half_degC = 0.5 * share * self.range_degC
 
         def drag(T: Floats, _time_s: Floats) -> Floats:

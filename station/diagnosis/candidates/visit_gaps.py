@@ -1,4 +1,4 @@
-"""When something between two visits can have happened: after the one ended and before the next began."""
+"""When something between two visits can have happened: after the end of one and before the beginning of the next."""
 
 import numpy as np
 

@@ -1,1 +1,1 @@
-"""Causes that units of a fleet share, in memory that does not follow the number of units."""
+"""Causes shared by units of a fleet, in memory that does not grow with the number of units."""

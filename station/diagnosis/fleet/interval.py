@@ -1,4 +1,4 @@
-"""Since when, and until when, a group of units has a cause: the stretch of units that it explains best."""
+"""Since when, and until when, a group of units has a cause: the contiguous run of units that it explains best."""
 
 from dataclasses import dataclass
 

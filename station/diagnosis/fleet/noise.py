@@ -1,4 +1,4 @@
-"""What units differ by anyhow: the covariance of their responses within a group, from a sample of the fleet."""
+"""The natural spread of units: the covariance of their responses within a group, from a sample of the fleet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,9 +44,8 @@ class ResponseNoise:
 
 
 def winsorised(z: Floats, most: float = _MOST_DISTANCE) -> Floats:
-    """Whitened responses (U, r); a unit far off all others is drawn in, so that it cannot speak for a group.
-
-    most: times what is usual."""
+    """Whitened responses (U, r), limited for a unit far from all others, so that it cannot speak for a group. most:
+    times what is usual."""
     far = np.linalg.norm(z, axis=1, keepdims=True) / np.sqrt(z.shape[1])
     return np.asarray(z / np.maximum(far / most, 1.0))
 
@@ -75,8 +74,8 @@ def response_noise(responses: Floats, groups: Sequence[object]) -> ResponseNoise
 
 
 def _as_summed(apart: Floats, whiten: Floats) -> Floats:
-    """Responses (U, d), winsorised as the search sums them, get variance one in every direction (Huber 1981,
-    chapter 8): where units scatter with heavy tails, those drawn in still scatter more than those kept above."""
+    """Scales responses (U, d), winsorised as the search sums them, to variance one in every direction (Huber 1981,
+    chapter 8): heavy-tailed units still scatter more after winsorising than those that were kept."""
     for _ in range(_ROUNDS):
         value, vector = np.linalg.eigh(np.cov(winsorised(apart @ whiten.T).T))
         whiten = (vector / np.sqrt(np.maximum(value, 1.0))).T @ whiten

@@ -1,8 +1,8 @@
-"""What a unit's visits differ from the nominal by, in units of what units differ by anyhow; causes as columns of it.
+"""How a unit's visits differ from the nominal, in units of the natural spread of units; causes as columns of it.
 
-One number a visit and axis, all visits of a unit as one vector y (d). The units' own calibrations are no unknowns here:
-they are the noise, with whatever covariance they have (`noise.py`), which tells more than solving each away. A tilted
-nest is a rotation by which no device stands out; it shows in the mean of many.
+One number a visit and axis, all visits of a unit as one vector y (d). The units' calibrations are not solved for: they
+are noise with whatever covariance they have (`noise.py`), which retains more than removing each. A tilted nest is a
+rotation by which no device stands out; it shows in the mean of many.
 """
 
 from collections.abc import Sequence

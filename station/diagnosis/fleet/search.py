@@ -1,12 +1,13 @@
-"""Who shares a cause: the groups of a fleet searched greedily, everything found so far fitted together.
+"""Who shares a cause: a greedy search over the groups of a fleet, with everything found so far fitted together.
 
 Model: whitened z = μ + Σ columns · sizes of the causes at work in the unit's groups + noise of variance one. Each round
-tests every cause at every group of its levels by the score of what is left, over all time and over each stretch of it,
-takes the one that chance explains least, asks for the units among which it is at work, and fits all sizes and μ anew.
-Chance is larger than the noise says where units of a load hang together: the median of all tests says by how much.
+tests every cause at every group of its levels by the score of the residual, over all time and over each stretch of it,
+takes the one that chance explains least, finds the units in which it is at work, and fits all sizes and μ anew. Units
+of one load are correlated, so chance exceeds what the noise says: the median of all tests says by how much.
 
-Half of the chance of a finding in a fleet that shares nothing is for causes that were always there, a quarter for those
-that began and last, a quarter for those that are over; each is shared by all groups, causes and stretches tried.
+Half of the chance of a finding in a fleet that shares nothing is spent on causes that were always there, a quarter on
+those that began and last, a quarter on those that are over. Each part is shared by all groups, causes and stretches
+tried.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,8 @@
-"""The units of a fleet by cell and slice of time: what a search for beginnings needs, in memory that follows the cells.
+"""The units of a fleet by cell and slice of time, which a search for beginnings needs, in memory that follows the
+cells.
 
-A slice holds so many units of the whole fleet. What a group shows in it is compared with what all others show then, so
-that what goes with the time of year, and is the same everywhere, is nobody's cause.
+A slice holds a fixed number of units of the whole fleet. A group is compared with all others in the same slice, so that
+seasonal changes common to all are nobody's cause.
 """
 
 from collections import Counter

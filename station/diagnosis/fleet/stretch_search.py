@@ -1,4 +1,4 @@
-"""Which cause shows in which group for a stretch of time only, among all causes, groups and stretches."""
+"""Causes that show in a group only for a stretch of time, searched among all causes, groups and stretches."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
