@@ -1,9 +1,9 @@
-"""How noisy each contrast within the dwells is, and what they have in common: slow noise moves early blocks away from
-late ones, and what was differenced before it was sampled hardly moves them, and neighbours against each other.
+"""The noise of each contrast within the dwells, and the correlation of contrasts: slow noise separates early blocks
+from late ones; readings differenced before sampling hardly move the contrasts, and move neighbours in opposite
+directions.
 
-The noise is that which is left when the courses within the dwell are taken off that each run of a unit has: the same
-one at every stop, and one of the size of the last move; then those of all runs whose size follows time, temperature or
-the drive.
+The noise is what remains after subtracting the courses within the dwell that each run of a unit has: one common to all
+its stops and one in proportion to the last move; then those of all runs whose size follows time, temperature or drive.
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ SQUARES_LOG_VARIANCE = 2.4
 
 
 def without_bumps(contrast: Floats, sigma: Floats) -> Floats:
-    """Contrasts (v, B−1, 3) where a stop that was bumped, as next to no other was, is drawn in to what the rest may
+    """Contrasts (v, B−1, 3) where a stop that was bumped, as hardly any other was, is limited to what the rest may
     show; sigma (3): noise of a sample. What many stops show is a course, and stays."""
     if contrast.size == 0 or np.any(sigma <= 0):
         return contrast
@@ -85,9 +85,9 @@ class ContrastNoise:
 
 
 def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) -> ContrastNoise:
-    """The noise of contrasts (v, B−1, 3) of stops whose means are (v, 3), beside the rms of sigma (3), that of a sample
-    of each axis; drawn to sigma as far as chance makes it differ (James and Stein): contrasts of all axes together
-    first, then each axis by itself; so is what two contrasts have in common drawn to nothing."""
+    """The noise of contrasts (v, B−1, 3) of stops with means (v, 3), given sigma (3), the noise of a sample of each
+    axis. It is shrunk towards sigma as far as chance makes it differ (James and Stein): contrasts of all axes together
+    first, then each axis; correlations of two contrasts are shrunk towards zero likewise."""
     blocks, rms = contrast.shape[1], float(np.sqrt(np.mean(sigma**2)))
     expected = np.broadcast_to(sigma / (rms or 1.0), (blocks, 3))
     there = np.all(contrast != 0, axis=(1, 2))

@@ -1,8 +1,8 @@
-"""Where an offset jumps within a short dwell and stays so for the rest of the run.
+"""Where an offset jumps within a short dwell and stays changed for the rest of the run.
 
 A dwell is too short to show by itself that a change of its mean is a jump. The other dwells of the unit show what is
-usual, what settles after each arrival included: one dwell alone in its run must stand out. And the visits that follow
-must differ from those before by what the dwell shows, which a bump or one slow arrival does not do.
+usual, including what settles after each arrival: the dwell must stand out alone in its run. And the visits after it
+must differ from those before by as much as the dwell shows, which neither a bump nor one slow arrival causes.
 """
 
 import numpy as np
@@ -54,7 +54,7 @@ def find(recipe: Recipe, table: SampleTable, begin: Rows, end: Rows, some: NDArr
 
 
 def _calmed(table: SampleTable, begin: Rows, end: Rows) -> tuple[Floats, Floats]:
-    """Running sums (n + 1, 3) of the readings, wild ones drawn in, and the noise of one (3) from one to the next."""
+    """Running sums (n + 1, 3) of the readings, outliers limited, and the noise of the difference of neighbours (3)."""
     count = end - begin
     middle = np.repeat(np.add.reduceat(table.reading, begin, axis=0) / count[:, None], count, axis=0)
     inside = np.ones(len(table), bool)
@@ -83,7 +83,7 @@ def _change_at(sums: Floats, begin: Rows | np.intp, row: Rows, end: Rows | np.in
 
 
 def _beyond_usual(change: Floats, unit: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Which dwells (v) change as none of their unit usually does."""
+    """The dwells (v) that change as none of their unit usually does."""
     found = np.zeros(len(unit), bool)
     for u in np.unique(unit).tolist():
         own = unit == u

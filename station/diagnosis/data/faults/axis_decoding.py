@@ -1,4 +1,5 @@
-"""Axes swapped or with the wrong sign, and readings a whole factor off: by the nearest of 48 signed permutations."""
+"""Axes that are swapped or have the wrong sign, and readings off by a whole factor: the nearest of 48 signed
+permutations."""
 
 from collections.abc import Container
 from dataclasses import dataclass, replace
@@ -41,8 +42,8 @@ class AxisDecoding:
 
 
 def wrong_decodings(scene: Scene, mean: Floats, clipped: Container[int]) -> dict[int, AxisDecoding]:
-    """What stands on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops; clipped: the units whose
-    readings are cut off, which makes them look smaller by any factor, but not by that of a range or unit."""
+    """What is on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops; clipped: the units whose
+    readings are cut off, which makes them look smaller by any factor other than that of a range or unit."""
     found, true = {}, _nominal(scene)
     for u, rows in enumerate(rows_of_units(scene.visits.unit)):
         read = _by_pose(true[rows], mean[rows]) if scene.recipe.pose_known else _by_magnitude(scene, mean[rows])
@@ -79,8 +80,8 @@ def _by_pose(true: Floats, mean: Floats) -> AxisDecoding | None:
 
 
 def _by_magnitude(scene: Scene, mean: Floats) -> AxisDecoding | None:
-    """From the size of the ellipsoid that the readings lie on, or from their lengths where they show none and agree:
-    an offset as large as the stimulus (hard iron) is no factor."""
+    """From the size of the ellipsoid that the readings lie on, or from their lengths where these agree and show no
+    ellipsoid: an offset as large as the stimulus (hard iron) is no factor."""
     true = float(np.linalg.norm(scene.visits.stimulus[0]))
     length = np.linalg.norm(mean, axis=1)
     middle = float(np.median(length)) or 1.0
@@ -134,17 +135,15 @@ def faults(table: SampleTable, scene: Scene, found: dict[int, AxisDecoding], mea
 
 
 def _nats(gain: BlockGain | None) -> float:
-    """What a decoding gains in all, for the alarm; without a gain measured, what a plain sight is worth."""
+    """The total gain of a decoding, for the alarm; where no gain was measured, that of an obvious fault."""
     return PLAIN_NATS if gain is None else max(gain.total, 0.0)
 
 
 def _held_out_gain(scene: Scene, mean: Floats, found: dict[int, AxisDecoding]) -> BlockGain | None:
-    """What decoding some units otherwise gains at the stops it was not fitted to.
-
-    Of every second stop of a unit mapping, factor and offset are found anew, and predict the others, beside the
-    readings as they came with an offset alone; the spread is that of the stops fitted. Where only the length of the
-    stimulus is known, lengths are predicted.
-    """
+    """The gain of another decoding of some units at the stops it was not fitted to. Mapping, factor and offset are
+    fitted to every second stop of a unit and predict the others; the comparison is the readings as they came with an
+    offset alone. The spread is that of the fitted stops. Where only the length of the stimulus is known, lengths are
+    predicted."""
     score, squares = [], np.zeros(2)
     true, of_unit = _nominal(scene), rows_of_units(scene.visits.unit)
     for u, read in found.items():
@@ -193,7 +192,7 @@ def _indistinguishable(scene: Scene, turned: dict[int, AxisDecoding], units: int
 
 
 def corrected_readings(table: SampleTable, found: dict[int, AxisDecoding]) -> Floats:
-    """Readings (n, 3) as they would have been decoded rightly."""
+    """Readings (n, 3) with the decoding corrected."""
     reading = table.reading.copy()
     units = rows_of_units(table.unit)
     for u, r in found.items():

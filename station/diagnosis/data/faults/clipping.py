@@ -1,4 +1,4 @@
-"""Saturation: a reading that stays at one extreme value while others show noise."""
+"""Saturation: readings that stay at one extreme value while others show noise."""
 
 import numpy as np
 import scipy
@@ -49,7 +49,7 @@ def clipped(table: SampleTable, stop: NDArray[np.intp]) -> CutOff:
 
 
 def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
-    """Each axis' extremes (2, 3) at which its readings stand still while they show noise elsewhere."""
+    """The extremes (2, 3) of each axis at which its readings stand still while they show noise elsewhere."""
     extremes = np.stack([reading.min(axis=0), reading.max(axis=0)])
     count = np.bincount(where)[:, None]
     stands = [_stands(reading, one) for one in _one_sided(extremes)]
@@ -90,8 +90,8 @@ def _share(at: NDArray[np.bool_], where: NDArray[np.intp]) -> Floats:
 
 
 def _repeat_share(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> Floats:
-    """Of each axis (3) the median over stops that are `fine` (s, 3) of the share of neighbours that read the same;
-    NaN where none is."""
+    """For each axis (3) the median over stops that are `fine` (s, 3) of the share of neighbours that read the same; NaN
+    where there is none."""
     same = (np.diff(reading, axis=0) == 0) & (np.diff(where) == 0)[:, None]
     equal = np.stack([np.bincount(where[1:], s, len(fine)) for s in same.T], 1)
     shares = equal / np.maximum(np.bincount(where, minlength=len(fine)), 1)[:, None]
@@ -121,7 +121,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], cut_off: 
 
 
 def _named_limits(limits: Floats) -> list[tuple[str | None, float]]:
-    """One limit for all axes and both sides where they share it, else each by its axis."""
+    """One limit for all axes and both sides where they share it, otherwise one for each axis."""
     sizes = np.abs(limits[np.isfinite(limits)])
     if np.isfinite(limits).any(axis=0).all() and np.allclose(sizes, sizes[0], rtol=1e-9, atol=0.0):
         return [(None, float(sizes[0]))]

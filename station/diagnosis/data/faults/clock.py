@@ -80,13 +80,13 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
 
 
 def states_rate(recipe: Recipe) -> bool:
-    """Whether the recipe states a rate, by which a clock can be wrong; one taken from the readings is none."""
+    """Whether the recipe states a rate against which a clock can be wrong; a rate taken from the readings is none."""
     return "device" not in recipe.model_fields_set or "rate_hz" in recipe.device.model_fields_set
 
 
 def _held_out_gain(units: list[tuple[Floats, Floats, Floats]], tolerance: float) -> BlockGain | None:
-    """What the rate of one half of a unit's stops gains at the other half, beside the nearest rate within the
-    tolerance; Gaussian, with the scatter of the stops fitted."""
+    """The gain of the rate of one half of a unit's stops at the other half, against the nearest rate within the
+    tolerance; Gaussian, with the scatter of the fitted stops."""
     scores, counts = [], []
     for every, weights, number in units:
         live = weights > 0
@@ -106,12 +106,9 @@ def _held_out_gain(units: list[tuple[Floats, Floats, Floats]], tolerance: float)
 
 
 def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRates:
-    """Each unit's rate against the recipe's.
-
-    Frames are numbered by the counter, or by their place where there is none, and fitted against time stop by stop;
-    over a whole run where the counter cannot have gone round unnoticed in between. Where frames are missing and stamps
-    scatter too much to count them, nothing tells the rate.
-    """
+    """Each unit's rate against the recipe's. Frames are numbered by the counter, or by their place where there is none,
+    and fitted against time stop by stop, or over a whole run where the counter cannot have wrapped unnoticed in
+    between. Where frames are missing and stamps scatter too much to count them, the rate is unknown."""
     bits, nominal = recipe.device.counter_bits, recipe.device.rate_hz
     has = "counter" in table.values
     counted = unwrapped(table.values["counter"], stop, bits) if has else None
@@ -135,11 +132,9 @@ def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRa
 
 
 def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:
-    """Which frames (n) tell the time: all, but where they come in bursts the last of each that ended within its stop.
-
-    A burst is stamped when it is handed over, which is when its last frame came; of one that the stop cuts off the last
-    frame is missing.
-    """
+    """The frames (n) that show the time: all, or the last of each burst that ended within its stop. A burst is stamped
+    when it is handed over, at the arrival of its last frame; of a burst that the stop cuts off, that frame is
+    missing."""
     step = np.diff(time_s)
     within = group[1:] == group[:-1]
     inside = step[within]
@@ -152,7 +147,7 @@ def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:
 def frames_of(
     recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], unit: int
 ) -> tuple[Floats, NDArray[np.intp], NDArray[np.int64]]:
-    """Stamps (n) of a unit's frames by the host's clock, s, the stop of each, and its number by the device's."""
+    """Stamps (n) of a unit's frames by the host's clock, s, the stop of each, and its number by the device."""
     bits = recipe.device.counter_bits
     counted = unwrapped(table.values["counter"], stop, bits) if "counter" in table.values else None
     of = rows_of_units(table.unit)[unit]
@@ -167,8 +162,8 @@ def _numbered(
 
 
 def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
-    """Numbers (n) of frames without a counter, from 0 in each stop (group): their order, and as many more as are lost
-    for good. Of the periods that the gaps suggest that one is taken which leaves the stamps nearest to a line."""
+    """Numbers (n) of frames without a counter, from 0 in each stop (group): their order, plus the frames lost for good.
+    Of the periods that the gaps suggest, the one is taken that leaves the stamps nearest to a line."""
     number, kept = _places(group), _fresh(time_s, group)
     number[kept] = _numbers_of_stamps(time_s[kept], group[kept], number[kept])
     return number
@@ -193,7 +188,7 @@ def _numbers_of_stamps(time_s: Floats, group: Array, place: NDArray[np.int64]) -
 
 
 def _is_countable(time_s: Floats, number: NDArray[np.int64], group: Array, place: NDArray[np.int64]) -> bool:
-    """Whether the numbers of frames are sure: none is missing, or the stamps lie near the lines that they make."""
+    """Whether the numbers of frames are certain: none is missing, or the stamps lie close to their lines."""
     if np.array_equal(number, place):
         return True
     first, count = _first_and_count(group)
@@ -213,7 +208,7 @@ def _first_and_count(group: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def _numbers_by_period(
     time_s: Floats, group: Array, place: NDArray[np.int64], period: float
 ) -> tuple[float, NDArray[np.int64]]:
-    """The numbers of frames sent so far apart, and the scatter of their stamps about a line, s."""
+    """The numbers of frames sent at a period, and the scatter of their stamps about a line, s."""
     number, scatter = place, np.inf
     since = time_s - np.repeat(time_s[_first_and_count(group)[0]], _first_and_count(group)[1])
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""Lost, repeated and reordered frames: what the frame counter tells, stop by stop."""
+"""Lost, repeated and reordered frames, from the frame counter, stop by stop."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class FrameTally:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every frame arrived once and in its turn."""
+        """Whether every frame arrived once and in order."""
         return bool(
             np.all(self.sent == self.different)
             and np.all(self.arrived == self.different)
@@ -37,7 +37,7 @@ class FrameTally:
 
 
 def unwrapped(counter: Floats, stop: NDArray[np.intp], bits: int) -> NDArray[np.int64]:
-    """The counter (n) without its overflow, counted anew in each stop."""
+    """The counter (n) without its overflow, starting anew in each stop."""
     span = 1 << bits
     whole = counter.astype(np.int64)
     step = np.asarray((np.diff(whole, prepend=whole[:1]) + span // 2) % span - span // 2, np.int64)

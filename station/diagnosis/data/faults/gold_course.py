@@ -89,7 +89,7 @@ def fault(course: GoldCourse, recipe: Recipe) -> GrossFault:
 
 
 def without(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], course: GoldCourse) -> SampleTable:
-    """The table with the gold as it was at the campaign's start."""
+    """The table with the gold as it was at the start of the campaign."""
     own = recipe.reference.gold
     offset = course.offset if own is None else np.array(own.matrix) @ course.offset
     assert table.gold is not None

@@ -1,4 +1,4 @@
-"""A gross fault: found by looking, before any statistics."""
+"""A gross fault: seen directly in the data, before any statistics."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -56,8 +56,8 @@ def block_gain(
 
 
 def halves_of(blocks: int) -> NDArray[np.intp]:
-    """Which half (0, 1) each block belongs to: what one half is fitted to, the other judges. By chance, so that no half
-    keeps step with what happens every second or every tenth block."""
+    """Which half (0, 1) each block belongs to: the fit to one half is judged by the other. Drawn at random, so that no
+    half is in step with what recurs every second or every tenth block."""
     return np.asarray(np.random.default_rng(blocks).permutation(blocks) % 2)
 
 
@@ -81,10 +81,8 @@ class FaultParameter:
 
 @dataclass(frozen=True, slots=True)
 class GrossFault:
-    """A cause that is plain to see.
-
-    nats: how much likelier the data are with it, for the alarm; gain: on held-out data, None where not measured.
-    """
+    """A cause that is obvious in the data. nats: how much likelier the data are with it, for the alarm; gain: on
+    held-out data, None where not measured."""
 
     effect: str
     level: str
@@ -96,7 +94,7 @@ class GrossFault:
 
     @property
     def rejected(self) -> bool:
-        """Whether held-out data speak against it."""
+        """Whether held-out data contradict it."""
         return self.gain is not None and not self.gain.accepted
 
 

@@ -1,4 +1,5 @@
-"""Whether units, some after others, show any gross fault at all; a tone of the motors is looked for in all together."""
+"""Whether units, taken in portions, show any gross fault at all; a tone of the motors is searched in all of them
+together."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from station.model.scene import visits_scene_of_table
 
 
 class HealthyUnits:
-    """Units that were looked over, and nothing was found."""
+    """Units that were examined without a finding."""
 
     def __init__(self, recipe: Recipe) -> None:
         """The recipe says what the device should do."""
@@ -18,7 +19,7 @@ class HealthyUnits:
         self._codes: list[stuck_bits.AxisCodes] = []
 
     def add(self, table: SampleTable, stop: NDArray[np.intp]) -> bool:
-        """Whether nothing is found in some more units, nor in all so far together; stop (n) of each row."""
+        """Whether neither the new units nor all so far together show anything; stop (n) of each row."""
         recipe = self._recipe
         if clipping.clipped(table, stop)[0]:
             return False

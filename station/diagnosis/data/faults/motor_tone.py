@@ -34,8 +34,8 @@ LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
 
 
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
-    """The strongest line that the motors explain. Where few stops of unlike drive do not show that the power of a line
-    grows with it, the phases may."""
+    """The strongest line that the motors explain. With few stops of unlike drive, the power of a line may not show that
+    it grows with the drive; its phases may."""
     extent, rate_hz = ToneExtent.of(table, stop), recipe.device.rate_hz
     if extent is None or not extent.shows_tones:
         return []
@@ -81,7 +81,7 @@ def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:
 
 
 def _refine_frequency(d: WhiteDwells, frequency_hz: float, near_hz: float) -> float:
-    """The frequency so near to a line at which the phases of all stops agree best."""
+    """The frequency near a line at which the phases of all stops agree best."""
     base = _amplitudes(d, frequency_hz) * d.motor[:, None]
     at = d.middle_s - d.middle_s.mean()
     total = max(float(np.ptp(at)), 1e-9)
@@ -156,8 +156,8 @@ class Tone:
 
 
 def _most_agreed(agreement: PhaseAgreement, lines_hz: Floats, resolution_hz: float) -> tuple[float, float]:
-    """The frequency near one of some lines on which the dwells agree most, all samples at their own times, and by how
-    many nats."""
+    """The frequency near one of some lines on which the dwells agree most, with all samples at their own times, and by
+    how many nats."""
     tried = (lines_hz[:, None] + resolution_hz * np.arange(-1, 1.01, 0.25)).ravel().tolist()
     found = [agreement.at(f) for f in tried]
     best = int(np.argmax(found))
