@@ -251,6 +251,13 @@ def test_a_gross_fault_shows_what_was_read_against_what_should_be() -> None:
     assert "ideal unit" in page.lead.svg
 
 
+def test_a_cause_that_was_found_twice_is_drawn_with_all_it_does() -> None:
+    parts = [CauseSignature("step", np.eye(2)[:, [i, 1 - i]] * (i + 1), None) for i in range(2)]
+    drawn = some_data("named", [a_cause("step")], signatures=tuple(parts)).signature("step")
+    assert drawn is not None
+    assert drawn.values.tolist() == [[1.0, 2.0], [2.0, 1.0]]
+
+
 def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
     course = DwellCourse(("0–6 %", "6–100 %"), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
     page = build_page(some_data("named", [a_cause("settling")], dwell=course))

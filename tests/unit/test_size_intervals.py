@@ -3,7 +3,7 @@
 The cause is known here: what its search would add is tried by the blind tests.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,13 @@ import pytest
 from scipy import stats
 
 from station.diagnosis.candidates.bank import build_bank, candidates, cause_library
+from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.results import covariate_posterior, estimate
 from station.diagnosis.results.estimate import Estimate, estimate_causes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
-from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
+from station.model.effects.disturbed_visit import DisturbedVisit
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, World, hide
 from tests.blind.hidden import KNOWN
@@ -89,6 +91,31 @@ def test_sizes_beside_a_covariate_that_errs_are_covered() -> None:
     held = (np.abs(mean - true) < 1.96 * std).mean(axis=1)
     # Three sizes of a unit are held together: 240 shares scatter by .2, their mean by .013.
     assert held.mean() == pytest.approx(0.95, abs=0.035)
+
+
+def test_a_cause_that_is_found_twice_is_at_work_in_both_places() -> None:
+    """Two visits are off by 5 mg, each found by itself: what is simulated has both, and without one the other."""
+    table, _ = hide(recipe(1), lambda w, rng: (w.a, 0 * w.a), 3, units=2)
+    places = [(0, 3, 5e-3), (1, 7, -5e-3)]
+    for unit, visit, size in places:
+        off = (table.unit.code == unit) & (table.visit == visit)
+        felt = recipe(1).felt_vector(recipe(1).position(table.position.text()[np.flatnonzero(off)[0]]))
+        across = np.cross(felt, [1.0, 0.3, -0.2])
+        table = replace(table, reading=table.reading + off[:, None] * size * across / np.linalg.norm(across))
+    bare = initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+    (scan,) = (c for c in candidates(DisturbedVisit.example(), bare.view) if c.effect is not None)
+    at = [24 * unit + visit for unit, visit, _ in places]
+    both = refined(bare.with_accepted([accept_candidate(scan, np.arange(48) == i, 5e-3) for i in at]))
+
+    def left(problem: ScoringProblem) -> Any:
+        return np.linalg.norm(problem.view.reduced.mean - problem.view.simulated()[0], axis=1)[at]
+
+    noise = bare.fit().floor.noise
+    assert left(both) == pytest.approx([0.0, 0.0], abs=6 * noise)
+    assert left(both.without(0)) == pytest.approx([5e-3, 0.0], abs=6 * noise)
+    assert np.linalg.norm([a.coefficient[i] for a, i in zip(both.accepted, at, strict=True)], axis=1) == pytest.approx(
+        5e-3, rel=0.1
+    )
 
 
 def test_of_a_noise_known_from_few_numbers_the_interval_is_students(monkeypatch: pytest.MonkeyPatch) -> None:

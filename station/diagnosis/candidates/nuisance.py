@@ -17,7 +17,7 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
 from station.domain.core.types import Floats
-from station.model.forward import ActiveEffect
+from station.model.forward import ActiveEffect, ActiveEffects
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +43,25 @@ class AcceptedCause:
             for effect, groups in c.shapes.items()
         }
 
+    def added_to(self, active: ActiveEffects) -> dict[str, ActiveEffect]:
+        """Causes at work, and this one: of one that was found before, in other groups, both."""
+        found = dict(active)
+        for key, acting in self.active_effects().items():
+            more = found[key].coefficients if key in found else 0.0
+            found[key] = acting._replace(coefficients=acting.coefficients + more)
+        return found
+
+    def taken_from(self, active: ActiveEffects) -> dict[str, ActiveEffect]:
+        """Causes at work without this one; of one that was found elsewhere, too, that stays."""
+        found = dict(active)
+        for key in self.active_effects().keys() & found.keys():
+            left = np.where(self.hit[:, None], 0.0, found[key].coefficients)
+            if left.any():
+                found[key] = found[key]._replace(coefficients=left)
+            else:
+                del found[key]
+        return found
+
     def without(self, groups: Sequence[int]) -> "AcceptedCause":
         """The same where some groups do not act."""
         left = self.hit.copy()
@@ -52,6 +71,14 @@ class AcceptedCause:
     def in_view(self, view: ResidualView) -> "AcceptedCause":
         """The same with columns from the view, whose simulation it acts in."""
         return replace(self, candidate=candidate_in_view(self.candidate, view))
+
+
+def active_together(accepted: Sequence[AcceptedCause]) -> dict[str, ActiveEffect]:
+    """All accepted causes at work."""
+    active: dict[str, ActiveEffect] = {}
+    for item in accepted:
+        active = item.added_to(active)
+    return active
 
 
 def accept_candidate(candidate: Candidate, hit: NDArray[np.bool_], spread: float) -> AcceptedCause:

@@ -7,7 +7,7 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, smooth_causes
 from station.diagnosis.candidates.columns import StopColumns
-from station.diagnosis.candidates.nuisance import AcceptedCause, nuisance_of
+from station.diagnosis.candidates.nuisance import AcceptedCause, active_together, nuisance_of
 from station.diagnosis.candidates.solve import solve, whitened
 from station.diagnosis.data.reduce import ReducedScene
 from station.diagnosis.data.residuals import (
@@ -200,8 +200,7 @@ def _misfit(problem: ScoringProblem, moved: _Moved, covariance: FloorCovariance)
 
 def with_active_causes(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> ResidualView:
     """The view with the accepted causes at work."""
-    at_work = {key: acting for item in accepted for key, acting in item.active_effects().items()}
-    return with_contrast_noise(replace(view, active=at_work))
+    return with_contrast_noise(replace(view, active=active_together(accepted)))
 
 
 def _converged(noise: float, steps: list[Floats]) -> bool:

@@ -133,11 +133,11 @@ class ScoringProblem:
     def without(self, i: int, groups: Sequence[int] | None = None) -> "ScoringProblem":
         """The same with one accepted cause, or some groups of it, neither known nor at work: the whole signal of these
         is in the readings."""
-        gone = self.accepted[i].active_effects()
-        active = {key: acting for key, acting in self.view.active.items() if key not in gone}
-        left = [] if groups is None else [item for item in (self.accepted[i].without(groups),) if item.hit.any()]
+        gone = self.accepted[i]
+        left = [] if groups is None else [item for item in (gone.without(groups),) if item.hit.any()]
+        active = gone.taken_from(self.view.active)
         for item in left:
-            active |= item.active_effects()
+            active = item.added_to(active)
         view = replace(self.view, active=active)
         bare = replace(self, view=view, setting=replace(self.setting, data=view.readings()))
         return bare.with_accepted([*self.accepted[:i], *left, *self.accepted[i + 1 :]])

@@ -155,5 +155,10 @@ class ReportData:
         return str(self.document["baseline"]["unit"])
 
     def signature(self, effect: str) -> CauseSignature | None:
-        """What a cause does, None where it cannot be drawn."""
-        return next((s for s in self.signatures if s.effect == effect), None)
+        """What a cause does, all of it where it was found several times; None where it cannot be drawn."""
+        found = [s for s in self.signatures if s.effect == effect]
+        if len(found) < 2:
+            return found[0] if found else None
+        values = np.sum([s.values for s in found], axis=0)
+        whole = None if any(s.whole is None for s in found) else np.sum([s.whole for s in found], axis=0)
+        return CauseSignature(effect, values, whole)
