@@ -160,5 +160,5 @@ class ReportData:
         if len(found) < 2:
             return found[0] if found else None
         values = np.sum([s.values for s in found], axis=0)
-        whole = None if any(s.whole is None for s in found) else np.sum([s.whole for s in found], axis=0)
-        return CauseSignature(effect, values, whole)
+        whole = [s.whole for s in found if s.whole is not None]
+        return CauseSignature(effect, values, np.sum(whole, axis=0) if len(whole) == len(found) else None)
