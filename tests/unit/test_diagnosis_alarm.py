@@ -6,7 +6,7 @@ from scipy import stats
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL, UNKNOWN_NATS, cache_key, fit_null, statistic
-from station.diagnosis.search.candidate_banks import build_banks
+from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.rank import variance_surprise
 from station.diagnosis.search.scoring import score_bank
@@ -66,5 +66,5 @@ def key_of(recipe: Recipe) -> str:
     table, _ = hide(recipe, None, 3, units=1, floor=WHITE)
     problem = initial_problem(reduce_samples(recipe, table), FloorAllowance.of(recipe, Model()))
     fitted = problem.fit()
-    banks = build_banks(problem.view)
+    banks = CandidateBanks(problem.view).of(problem.view, ())
     return cache_key(problem, fitted, WalkMarginal(score_bank(problem, banks, fitted.floor), (), ()), 1)

@@ -18,7 +18,7 @@ from station.diagnosis.data.faults.white_dwells import TransientFilter, WhiteDwe
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear import projection
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.search.candidate_banks import build_banks
+from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import score_bank, score_in_noise
 from station.model.model_file import Model
@@ -34,7 +34,7 @@ def problem() -> Any:
 
 def test_a_candidate_of_the_bank_shows_what_it_shows_alone(problem: Any) -> None:
     space, layout = problem.space(problem.fit().floor, moving=False), problem.view.layout
-    bank = build_banks(problem.view)[0]
+    bank = CandidateBanks(problem.view).of(problem.view, ())[0]
     (whole,) = project_bank(bank, layout, [space])
     patterns = set()
     for c, found in zip(bank.candidates, whole.found, strict=True):
@@ -55,7 +55,9 @@ def test_a_candidate_of_the_bank_shows_what_it_shows_alone(problem: Any) -> None
 def test_what_the_calibration_takes_up_explains_nothing(problem: Any) -> None:
     """An offset of each unit is its calibration's, whatever is read: what rounding leaves of it is no evidence."""
     space, layout = problem.space(problem.fit().floor, moving=False), problem.view.layout
-    offset = next(c for c in build_banks(problem.view)[0].candidates if c.name == "turn-on-offset")
+    offset = next(
+        c for c in CandidateBanks(problem.view).of(problem.view, ())[0].candidates if c.name == "turn-on-offset"
+    )
     code, names = problem.view.scene.group("unit")
     bank = build_bank([replace(offset, of="unit", pattern="own", code=code, names=names)], layout, moving=False)
     (found,) = project_bank(bank, layout, [space])
@@ -143,7 +145,7 @@ def test_columns_by_axis_and_by_run_score_as_whole_ones_do(walk: float, monkeypa
     table, _ = hide(recipe(2), None, 5, units=FEW_UNITS + 1, floor=WHITE)
     table = table[(table.unit.code != 3) | (table.run == 0)]
     problem = initial_problem(reduce_samples(recipe(2), table), FloorAllowance.of(recipe(2), Model()))
-    banks, floor = build_banks(problem.view), replace(problem.fit().floor, walk=walk)
+    banks, floor = CandidateBanks(problem.view).of(problem.view, ()), replace(problem.fit().floor, walk=walk)
     split = column_blocks(banks[0], problem.view.layout, whole=False)
     assert any(b.by_run and b.one_axis for b in split) and not all(b.one_axis for b in split)
     found = score_bank(problem, banks, floor).readings()
@@ -159,7 +161,7 @@ def test_columns_by_axis_and_by_run_score_as_whole_ones_do(walk: float, monkeypa
 def test_a_bank_in_larger_noise_is_what_it_is_scored_to_be(problem: Any, factor: float) -> None:
     turned = replace(problem.fit().floor, turn=5e-5, walk=2e-6)
     floors = [turned, NoiseFloor(*(factor * np.sqrt(turned.variances)))]
-    banks = build_banks(problem.view)
+    banks = CandidateBanks(problem.view).of(problem.view, ())
     assert floors[1].is_multiple_of(floors[0]) and not replace(turned, walk=0.0).is_multiple_of(turned)
     first, whole = (score_bank(problem, banks, at, keep=at is turned) for at in floors)
     some = [i for i, c in enumerate(first.candidates) if c.name != "quadratic"]

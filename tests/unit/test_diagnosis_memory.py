@@ -16,7 +16,7 @@ from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.search import distinguishability, form_check, scoring
-from station.diagnosis.search.candidate_banks import all_candidates, build_banks
+from station.diagnosis.search.candidate_banks import CandidateBanks, all_candidates
 from station.diagnosis.search.distinguishability import SignatureAxes, estimate_signal, signature_axes
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import score_bank
@@ -72,7 +72,7 @@ def test_levels_that_group_alike_hold_one_code(problem: Any) -> None:
 
 
 def test_a_scored_bank_holds_no_row_of_its_space(problem: Any) -> None:
-    floor, banks = problem.fit().floor, [bank.only([0]) for bank in build_banks(problem.view)]
+    floor, banks = problem.fit().floor, [bank.only([0]) for bank in CandidateBanks(problem.view).of(problem.view, ())]
     rows = problem.space(floor, moving=True).basis.nbytes
     tracemalloc.start()
     try:
@@ -88,7 +88,7 @@ def test_what_is_not_held_of_a_scan_is_found_again(problem: Any, monkeypatch: py
     """Of a scan, whose groups are many, neither log-determinants nor likelihoods are kept; it is judged some units at a
     time."""
     floor = problem.fit().floor
-    scored = score_bank(problem, build_banks(problem.view), floor).projected[0]
+    scored = score_bank(problem, CandidateBanks(problem.view).of(problem.view, ()), floor).projected[0]
     i = next(i for i, c in enumerate(scored.bank.candidates) if c.pattern == "scan" and c.of == "run")
     found = scored.found[i]
     monkeypatch.setattr(projected_bank, "EIGENVALUES_AT_ONCE", 1)
@@ -148,7 +148,7 @@ def test_a_column_whose_names_are_all_used_is_not_copied() -> None:
 def test_a_space_made_some_units_at_a_time_scores_as_the_whole_does(
     problem: Any, moving: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    floor, bank = problem.fit().floor, build_banks(problem.view)[moving]
+    floor, bank = problem.fit().floor, CandidateBanks(problem.view).of(problem.view, ())[moving]
     (whole,) = project_bank(bank, problem.view.layout, [problem.space(floor, moving=moving)])
     monkeypatch.setattr(projected_bank, "UNITS_AT_ONCE", 2)
     monkeypatch.setattr(scoring, "FEW_UNITS", 2)
@@ -163,7 +163,7 @@ def test_a_space_made_some_units_at_a_time_scores_as_the_whole_does(
 def test_a_bank_without_candidates_leaves_the_readings_their_sum_of_squares(
     problem: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    floor, bank = problem.fit().floor, build_banks(problem.view)[0].only([])
+    floor, bank = problem.fit().floor, CandidateBanks(problem.view).of(problem.view, ())[0].only([])
     (whole,) = project_bank(bank, problem.view.layout, [problem.space(floor, moving=False)])
     monkeypatch.setattr(scoring, "FEW_UNITS", 2)
     (found,) = project_bank(bank, problem.view.layout, [problem.setting.scored_space(floor, moving=False)])
@@ -171,7 +171,7 @@ def test_a_bank_without_candidates_leaves_the_readings_their_sum_of_squares(
 
 
 def test_candidates_of_a_kind_may_be_looked_at_one_by_one(problem: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    floor, bank = problem.fit().floor, build_banks(problem.view)[0]
+    floor, bank = problem.fit().floor, CandidateBanks(problem.view).of(problem.view, ())[0]
     space = problem.space(floor, moving=False)
     (together,) = project_bank(bank, problem.view.layout, [space])
     monkeypatch.setattr(projected_bank, "EIGENVALUES_AT_ONCE", 1)

@@ -21,7 +21,7 @@ from station.diagnosis.search import (
     walk_marginal,
 )
 from station.diagnosis.search.alarm import NullDistribution
-from station.diagnosis.search.candidate_banks import CandidateBanks, build_banks
+from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import evidence_by_cause, score_bank
 from station.diagnosis.search.search_state import CauseSearch
@@ -81,7 +81,7 @@ def test_a_first_look_leaves_out_shapes_of_what_is_far_behind(fleet: Any, monkey
     monkeypatch.setattr(first_look, "FLOOR_UNITS", 3)
     # Few units say for sure that little is behind.
     monkeypatch.setattr(unit_sample, "SURE_ERRORS", 0.2)
-    banks, floor = build_banks(fleet.view), fleet.fit().floor
+    banks, floor = CandidateBanks(fleet.view).of(fleet.view, ()), fleet.fit().floor
     look = first_look.sampled_look(fleet, banks, floor)
     assert look is not None
     contenders = look.contenders()
@@ -120,7 +120,9 @@ def test_chance_is_drawn_for_all_candidates_and_silence_is_that_of_all(
 
     search = CauseSearch(fleet, null_of)
     whole = [
-        (c.name, c.of, c.pattern) for bank in build_banks(fleet.view, search.undetectable) for c in bank.candidates
+        (c.name, c.of, c.pattern)
+        for bank in CandidateBanks(fleet.view).of(fleet.view, search.undetectable)
+        for c in bank.candidates
     ]
     assert len(drawn) == drawings
     assert all(one == drawn[0] and [key[:3] for key in one] == whole for one in drawn)
@@ -131,7 +133,7 @@ def test_chance_is_drawn_for_all_candidates_and_silence_is_that_of_all(
 def test_walks_without_hope_leave_nothing_in_the_average(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     # So large a walk as no quiet campaign shows.
     wide = replace(fleet, upper=np.array([np.inf, *fleet.upper[1:] * np.array([1.0, 900.0])]))
-    best = score_bank(wide, build_banks(wide.view), wide.fit().floor)
+    best = score_bank(wide, CandidateBanks(wide.view).of(wide.view, ()), wide.fit().floor)
     monkeypatch.setattr(walk_marginal, "FLOOR_UNITS", 3)
     some = walk_marginal.marginalise_walks(wide, best)
     alone(monkeypatch)
@@ -148,7 +150,7 @@ def test_causes_without_hope_under_a_floor_are_behind_what_they_were(
     fleet: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rank, "FLOOR_UNITS", 3)
-    banks, floor = build_banks(fleet.view), fleet.fit().floor
+    banks, floor = CandidateBanks(fleet.view).of(fleet.view, ()), fleet.fit().floor
     # So large a walk speaks against all but what a walk hides.
     at = replace(floor, walk=3.0 * floor.noise)
     first = walk_marginal.WalkMarginal(score_bank(fleet, banks, floor), (), ())
@@ -168,7 +170,7 @@ def test_causes_far_behind_the_leader_are_so_under_the_floor_that_it_asks_for(
     fleet: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rank, "FLOOR_UNITS", 3)
-    banks, floor = build_banks(fleet.view), fleet.fit().floor
+    banks, floor = CandidateBanks(fleet.view).of(fleet.view, ()), fleet.fit().floor
     first = walk_marginal.WalkMarginal(score_bank(fleet, banks, floor), (), ())
     best: dict[str, rank.RankedCause] = {}
     rank.keep_best(best, first, first.without())
@@ -188,7 +190,7 @@ def test_causes_far_from_the_found_one_in_a_sample_are_not_looked_at_in_all_unit
 ) -> None:
     monkeypatch.setattr(finding, "FLOOR_UNITS", 3)
     problem = fleet
-    at = score_bank(problem, build_banks(problem.view), problem.fit().floor)
+    at = score_bank(problem, CandidateBanks(problem.view).of(problem.view, ()), problem.fit().floor)
     best: dict[str, rank.RankedCause] = {}
     first = walk_marginal.WalkMarginal(at, (), ())
     rank.keep_best(best, first, first.without())
@@ -250,7 +252,9 @@ def test_partners_far_behind_in_a_sample_are_not_the_best(fleet: Any, monkeypatc
 
 def test_laws_far_behind_in_samples_are_not_looked_at_in_all_units(fleet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     floor, looked_at = fleet.fit().floor, list[int]()
-    causes = [c for bank in build_banks(fleet.view) for c in bank.candidates if c.name == "quadratic"]
+    causes = [
+        c for bank in CandidateBanks(fleet.view).of(fleet.view, ()) for c in bank.candidates if c.name == "quadratic"
+    ]
     causes = [replace(c, name=f"cause/{i}") for i, c in enumerate(causes)]
     under = form_check._under
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search.candidate_banks import build_banks
+from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.walk_marginal import (
     FLEXIBLE_KERNELS,
@@ -21,7 +21,7 @@ def test_a_candidate_is_as_slow_beside_others_as_alone() -> None:
     problem = initial_problem(reduce_samples(recipe(2), table), FloorAllowance.of(recipe(2), Model()))
     floor, most = problem.fit().floor, float(np.sqrt(problem.upper[2]))
     slow_by_share = 0
-    for bank in build_banks(problem.view):
+    for bank in CandidateBanks(problem.view).of(problem.view, ()):
         shares = _walk_shares(problem, bank, floor, most)
         expected = [i for i, c in enumerate(bank.candidates) if c.name in FLEXIBLE_KERNELS or shares[i] > SLOW_SHARE]
         assert _slow_candidates(problem, bank, floor, most) == expected

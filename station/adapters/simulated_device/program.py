@@ -13,7 +13,7 @@ from station.files.replace import replace_text
 LARGEST = 1 << 20
 #: The first bytes of an image are its version, as text.
 VERSION_BYTES = 16
-_NO_PROGRAM, _NOT_CLEARED = 1 << 1, 4 << 1
+_NO_PROGRAM = 1 << 1
 
 
 class SimulatedProgram:

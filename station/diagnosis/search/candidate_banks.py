@@ -1,6 +1,6 @@
 """Every cause and kernel that some stops could show, made anew only where the simulation has changed."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -57,13 +57,3 @@ def _with_one_code(c: Candidate, codes: dict[bytes, NDArray[np.int32]]) -> Candi
     """The candidate with the code of those before it that group alike."""
     code = codes.setdefault(c.code.tobytes(), c.code)
     return c if code is c.code else replace(c, code=code)
-
-
-def build_banks(view: ResidualView, hidden: Collection[str] = ()) -> tuple[Bank, Bank]:
-    """The still and the moving candidates, without the causes that are hidden from these data."""
-    return _banks_of(all_candidates(view), view, hidden)
-
-
-def _banks_of(items: Sequence[Candidate], view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
-    chosen = [c for c in items if c.name not in hidden]
-    return build_bank(chosen, view.layout, moving=False), build_bank(chosen, view.layout, moving=True)

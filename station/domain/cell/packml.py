@@ -75,9 +75,6 @@ DONE: Mapping[State, State] = {
     _S.COMPLETING: _S.COMPLETE,
 }
 
-#: States that wait for a command.
-WAITING = frozenset(State) - DONE.keys()
-
 #: From these a stop leads nowhere: the machine stands or is on its way to a stand already.
 _NOT_RUNNING = frozenset({_S.STOPPING, _S.STOPPED, _S.CLEARING, _S.ABORTING, _S.ABORTED})
 #: From these a hold leads to holding (OPC 30050, 6.3.8).
