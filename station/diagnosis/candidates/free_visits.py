@@ -18,6 +18,8 @@ def says_nothing(candidate: Candidate, view: ResidualView) -> bool:
     code, k = candidate.code, view.grid.k
     if len(code) <= MOST_FREE_VISITS or candidate.pattern == "scan" or candidate.moving:
         return False
+    if len(candidate.names) * candidate.axes < len(code) * k:
+        return False
     _, group, many = np.unique(code, return_inverse=True, return_counts=True)
     if many.max() * k > candidate.axes:
         return False

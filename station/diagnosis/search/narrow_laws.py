@@ -146,7 +146,9 @@ class _Equations(NamedTuple):
 
     def _explained_by(self, chosen: NDArray[np.intp]) -> tuple[Floats, Floats]:
         """Squares (n, G, some) that chosen columns (some, columns) explain, and how many directions are seen."""
-        m, E = np.linalg.eigh(self.normal[:, :, chosen[:, :, None], chosen[:, None]])
+        normal = self.normal[:, :, chosen[:, :, None], chosen[:, None]]
+        # A column by itself has nothing to be told apart from.
+        m, E = np.linalg.eigh(normal) if chosen.shape[1] > 1 else (normal[..., 0], np.ones_like(normal))
         seen = m > LEAST_SHARE * self.length[:, None, None, None]
         u = (E.swapaxes(-1, -2) @ self.along[:, :, chosen, None])[..., 0]
         return np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0).sum(-1), seen.sum(-1).astype(float)
