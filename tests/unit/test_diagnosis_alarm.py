@@ -5,12 +5,16 @@ import pytest
 from scipy import stats
 
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search.alarm import FAMILY_WISE_LEVEL, UNKNOWN_NATS, cache_key, fit_null, statistic
+from station.diagnosis.linear.noise_floor import FittedFloor, fit
+from station.diagnosis.linear.projection import DataColumns
+from station.diagnosis.search.alarm import DRAWN_LEVEL, UNKNOWN_NATS, cache_key, fit_null, statistic
+from station.diagnosis.search.bounded_floor import BoundedFloor, bound_sides
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.rank import variance_surprise
-from station.diagnosis.search.scoring import score_bank
+from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
+from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, hide
@@ -33,13 +37,13 @@ def test_a_kernel_must_be_further_ahead_of_chance_than_a_cause(
     assert (statistic(null, {name: below}) > null.threshold) == alarms
 
 
-def test_the_threshold_is_passed_by_one_null_set_in_a_hundred(rng: np.random.Generator) -> None:
+def test_the_threshold_is_passed_by_as_many_null_sets_as_are_drawn_for_it(rng: np.random.Generator) -> None:
     names = ("cubic", "input", "time")
     null = fit_null({name: rng.gumbel(0.0, 1.5, 4096) for name in names})
     fresh = null.surprise({name: rng.gumbel(0.0, 1.5, 20_000) for name in names})
     share = float(np.mean(fresh > null.threshold))
-    # Four standard deviations of a share of .01 in 4,096 and in 20,000 sets.
-    assert abs(share - FAMILY_WISE_LEVEL) < 4 * np.sqrt(0.01 * 0.99 * (1 / 4096 + 1 / 20_000))
+    # Four standard deviations of such a share in 4,096 and in 20,000 sets.
+    assert abs(share - DRAWN_LEVEL) < 4 * np.sqrt(DRAWN_LEVEL * (1 / 4096 + 1 / 20_000))
 
 
 @pytest.mark.parametrize("dof", [6, 40, 3000])
@@ -68,3 +72,41 @@ def key_of(recipe: Recipe) -> str:
     fitted = problem.fit()
     banks = CandidateBanks(problem.view).of(problem.view, ())
     return cache_key(problem, fitted, WalkMarginal(score_bank(problem, banks, fitted.floor), (), ()), 1)
+
+
+def healthy(units: int, seed: int) -> ScoringProblem:
+    """A problem of white noise on six faces."""
+    faces = six_faces("listed")
+    table, _ = hide(faces, None, seed, units=units, floor=WHITE)
+    return initial_problem(reduce_samples(faces, table), FloorAllowance.of(faces, Model()))
+
+
+@pytest.mark.parametrize("seed", range(3, 9))
+def test_readings_would_be_fitted_where_they_are(seed: int) -> None:
+    problem = healthy(2, seed)
+    bounded = BoundedFloor.of(problem.fit(), problem.upper)
+    assert bounded is not None
+    assert bounded.holds(problem.setting.data.stop).all()
+
+
+def test_sets_of_noise_that_are_drawn_for_a_floor_at_its_bounds_are_fitted_there(rng: np.random.Generator) -> None:
+    problem = healthy(3, 6)
+    fitted, data = problem.fit(), problem.setting.data.stop
+    bounded = BoundedFloor.of(fitted, problem.upper)
+    side = bound_sides(fitted, problem.upper)
+    assert bounded is not None
+    assert 0 not in side
+    true = problem.structure.covariance(fitted.floor.variances * [1.0, 0.5, 0.5])
+    sets = true.runs.coloured(rng.standard_normal((*data.shape[:3], 120)))
+    there = [bound_sides(fit_of(problem, sets[..., [i]]), problem.upper) == side for i in range(sets.shape[3])]
+    held = bounded.holds(sets)
+    # A quarter of the sets is fitted there, of those that are drawn .75 +- .08.
+    assert np.mean(there) < 0.4
+    assert np.mean(np.array(there)[held]) > 0.5
+    assert np.mean(np.array(there)[~held]) < 0.2
+
+
+def fit_of(problem: ScoringProblem, readings: Floats) -> FittedFloor:
+    """The floor of other readings."""
+    count = problem.readings(moving=False)[1]
+    return fit(problem.structure, problem.known, DataColumns(readings), count, problem.upper)

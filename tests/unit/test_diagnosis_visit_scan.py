@@ -10,6 +10,7 @@ from station.diagnosis.linear import noise_floor as floors
 from station.diagnosis.linear.grid import RowLayout, VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
 from station.diagnosis.search import null_simulation
+from station.diagnosis.search.null_noise import NullNoise
 
 UNITS, RUNS, VISITS = 3, 2, 40
 
@@ -67,6 +68,6 @@ def test_new_data_meet_a_scan_as_they_meet_its_columns(
             bank = build_bank(list(bank.candidates), layout, moving=False)
         (seen,) = projected_bank.project_bank(bank, layout, [space], axes=True)
         light = null_simulation.SinglePrecisionBank(seen)
-        drawn = null_simulation.NullNoise.of(white.astype(np.float32), space.covariance.runs.single_precision())
+        drawn = NullNoise.of(white.astype(np.float32), space.covariance.runs.single_precision())
         results.append(light.scores([drawn], None))
     assert np.allclose(results[0][0], results[1][0], rtol=1e-3, atol=1e-3)

@@ -242,7 +242,7 @@ class FittedFloor:
     @property
     def covariance(self) -> Floats:
         """Covariance (3, 3) of the variances σ², τ_r², τ_w²."""
-        return np.asarray(np.linalg.pinv(_newton(self.parts, self.space)[1]), float)
+        return np.asarray(np.linalg.pinv(newton(self.parts, self.space)[1]), float)
 
 
 def fit(
@@ -262,7 +262,7 @@ def fit(
     var = np.clip(_initial_variances(parts, known, readings, count) if start is None else start.variances, lower, upper)
     now = residual_space(parts.covariance(var), known, readings, count)
     for _ in range(30):
-        slope, information = _newton(parts, now)
+        slope, information = newton(parts, now)
         held = ~free | ((var <= lower) & (slope < 0)) | ((var >= upper) & (slope > 0))
         step = _step(slope, information, held)
         # What a step promises: half of the slope along it.
@@ -282,7 +282,7 @@ def _initial_variances(parts: FloorStructure, known: NuisanceColumns, readings: 
     return white * np.array([0.8, 0.2, 0.02])
 
 
-def _newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
+def newton(parts: FloorStructure, now: ResidualSpace) -> tuple[Floats, Floats]:
     """Slope (3) and average information (3, 3) of the restricted log-likelihood by the variances; units some at a time,
     as each has three columns of every column."""
     runs, residual = now.covariance.runs, now.residual

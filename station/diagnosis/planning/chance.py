@@ -11,7 +11,7 @@ from station.diagnosis.planning.plan import PlannedRuns
 from station.diagnosis.planning.promise import TrueAndOther
 from station.diagnosis.planning.simulated_diagnosis import SimulatedDiagnosis
 from station.diagnosis.planning.suspects import Suspects, suspect_candidate, usual_shapes
-from station.diagnosis.search.null_simulation import NullNoise
+from station.diagnosis.search.null_noise import NullNoise
 from station.domain.core.types import Array, Floats
 
 #: Sets that share one floor.

@@ -15,7 +15,7 @@ from station.diagnosis.candidates.nuisance import accept_candidate, accepted_col
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.linear.run_filter import RunFilter
-from station.diagnosis.search.null_simulation import NullNoise
+from station.diagnosis.search.null_noise import NullNoise
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Array, Floats
 

@@ -25,7 +25,8 @@ from station.diagnosis.search.distinguishability import (
     signature_axes,
 )
 from station.diagnosis.search.finding import is_free_in_each_run, is_unknown
-from station.diagnosis.search.null_simulation import NullNoise, SinglePrecisionBank
+from station.diagnosis.search.null_noise import NullNoise
+from station.diagnosis.search.null_simulation import SinglePrecisionBank
 from station.diagnosis.search.rank import FLOOR_VARIANCES, OCCAM_NATS
 from station.diagnosis.search.scoring import Scores, ScoringProblem, evidence_by_cause, score_under_floors
 from station.diagnosis.search.walk_marginal import replicate_units, slow_candidates

@@ -2,7 +2,7 @@
 
 Data sets without any cause are drawn from the floor, its own uncertainty included, and scored by the whole bank.
 Each cause's scores give its own null distribution (an exponential tail beyond the sample); the statistic of a data
-set is the largest −log₁₀ p over the bank, and the threshold its 99 % quantile over the null sets, so that the whole
+set is the largest −log₁₀ p over the bank, and the threshold its 99.25 % quantile over the null sets, so that the whole
 family of causes raises a false alarm in one of a hundred campaigns. What explains too little to be named alarms nobody,
 neither in the readings nor in the null sets: of a few stops a cause may say the same whatever is read, and rounding
 alone then looks rare.
@@ -17,21 +17,20 @@ from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.candidates.projected_bank import ProjectedBank
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.search import null_simulation
+from station.diagnosis.search.bounded_floor import LEAST_DETECTED, bound_sides
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 14
+NULL_CACHE_VERSION = 15
 #: What of a recipe the bank is made from: the same name may stand for other positions.
 _DESIGN = {"sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"}
-#: A turn of the visits and a step of the walk below these shares of the noise change nothing that chance does: the turn
-#: adds a hundredth to a variance, the walk as much by the end of a hundred visits.
-LEAST_DETECTED = (0.1, 0.01)
 #: Errors of a logarithm of the noise within the dwells are as good as the same within such a step.
 ERROR_STEP = 0.05
-#: Chance of any alarm in data without a cause.
-FAMILY_WISE_LEVEL = 0.01
+#: Chance of any alarm in data without a cause, and in sets that are drawn: real noise, whose tails, colour and floor
+#: are not quite those that are drawn, alarms 1.3 times as often.
+FAMILY_WISE_LEVEL, DRAWN_LEVEL = 0.01, 0.0075
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
 EXPLAINS_NATS = 1.1
 #: A kernel must be ahead of chance, and of every cause of the library, by this many nats to be "something unknown".
@@ -110,7 +109,10 @@ def fit_null(scores: Mapping[str, Floats]) -> NullDistribution:
     """
     halves = [{name: s[i::2] for name, s in scores.items()} for i in (0, 1)]
     surprise = [_tails_of(one).surprise(other) for one, other in (halves, halves[::-1])]
-    return replace(_tails_of(scores), threshold=float(np.quantile(np.concatenate(surprise), 1 - FAMILY_WISE_LEVEL)))
+    return replace(
+        _tails_of(scores),
+        threshold=float(np.quantile(np.concatenate(surprise), 1 - DRAWN_LEVEL, method="weibull")),
+    )
 
 
 def _tails_of(scores: Mapping[str, Floats]) -> NullDistribution:
@@ -138,7 +140,10 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     shown = [(s.bank.moving, s.readings.size.dof, _candidate_kinds(s)) for s in now.best.projected]
     design = recipe.model_dump_json(include=_DESIGN)
     unsure = [round(e / ERROR_STEP) for e in problem.view.contrast_noise.errors]
-    return repr((NULL_CACHE_VERSION, design, grid.slot.shape, grid.data, grid.k, relative, unsure, shown, seed))
+    at_bounds = bound_sides(fitted, problem.upper)
+    return repr(
+        (NULL_CACHE_VERSION, at_bounds, design, grid.slot.shape, grid.data, grid.k, relative, unsure, shown, seed)
+    )
 
 
 def _candidate_kinds(projected: ProjectedBank) -> list[tuple[str, str, str, int]]:

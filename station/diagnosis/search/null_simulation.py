@@ -8,10 +8,8 @@ What a cause does may be added to every set: the same, then, of readings by that
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +18,8 @@ from station.diagnosis.candidates.visit_scan import VisitColumns, passed_back
 from station.diagnosis.linear.evidence import DataSets
 from station.diagnosis.linear.noise_floor import FittedFloor
 from station.diagnosis.linear.projection import DataColumns
-from station.diagnosis.linear.run_filter import RunFilter
+from station.diagnosis.search.bounded_floor import BoundedFloor
+from station.diagnosis.search.null_noise import NullNoise, noise_of_floor
 from station.diagnosis.search.scoring import Scores, ScoringProblem
 from station.diagnosis.search.walk_marginal import WalkMarginal, replicate_units
 from station.domain.core.types import Array, Floats
@@ -50,7 +49,8 @@ def scores(
     now = replicate_units(problem, every, like.best.floor, like.slow, chosen, copies)
     banks = [[SinglePrecisionBank(s) for s in stage.projected] for stage in now.stages]
     floors, at_once = (NULL_FLOORS, FLOORS_AT_ONCE) if copies == 1 else (COPIED_FLOORS, 1)
-    noise = _noise(problem, fitted, now, rng, floors, sets // floors)
+    bounded = BoundedFloor.of(fitted, problem.upper) if copies == 1 and signal is None else None
+    noise = noise_of_floor(problem, fitted, now, rng, floors, sets // floors, bounded)
     if signal is not None:
         dwell = any(s.space is not None and s.space.dwell for stage in now.stages for s in stage.projected)
         seen = (signal if dwell else DataColumns(signal.stop)).of_units(chosen)
@@ -70,49 +70,6 @@ def copy_orders(sets: int, copies: int, rng: np.random.Generator) -> Array:
     """The order (copies, sets) in which each copy is dealt: shifted by another step, so that no set meets itself."""
     steps = rng.permutation(sets * -(-copies // sets))[:copies] % sets
     return np.asarray((np.arange(sets) + steps[:, None]) % sets)
-
-
-def _noise(
-    problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, rng: np.random.Generator, floors: int, sets: int
-) -> Iterator["NullNoise"]:
-    """White noise of the widest space, floor by floor, so many sets of each."""
-    mean, spread = fitted.floor.variances, fitted.covariance
-    root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
-    spaces = [s.space for stage in now.stages for s in stage.projected if s.space is not None]
-    widest = max(spaces, key=lambda space: space.live.shape[1])
-    live, contrasts, member = widest.live, widest.dwell, spaces[0].covariance.runs.member
-    shape = problem.view.contrast_noise.noise.shape
-    for _ in range(floors):
-        variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
-        true = problem.structure.covariance(variances).runs.single_precision()
-        noise = rng.standard_normal((sets, *live.shape), dtype=np.float32) * live
-        first = true.rows * member.shape[1]
-        inside = noise[:, :, first : first + contrasts]
-        truth = problem.view.contrast_noise.of_truth(inside.reshape(*inside.shape[:2], -1, *shape), rng)
-        noise[:, :, first : first + contrasts] = truth.reshape(inside.shape)
-        yield NullNoise.of(noise, replace(true, member=member))
-
-
-class NullNoise(NamedTuple):
-    """White noise (n, U, ·) of everything, and what a floor makes of the visits' part of it (U, R, m, n)."""
-
-    noise: Array
-    visits: Array
-
-    @staticmethod
-    def of(noise: Array, true: RunFilter) -> "NullNoise":
-        """Noise of a true floor."""
-        (U, R), m = true.member.shape, true.rows
-        white = noise[:, :, : R * m].reshape(len(noise), U, R, m).transpose(1, 2, 3, 0)
-        return NullNoise(noise, true.coloured(np.ascontiguousarray(white)))
-
-    def beside(self, signal: DataColumns) -> "NullNoise":
-        """The same with a column added to every set."""
-        noise = self.noise
-        if signal.dwell is not None:
-            start, noise = self.visits[0, ..., 0].size, noise.copy()
-            noise[:, :, start : start + signal.dwell.shape[1]] += signal.dwell[..., 0]
-        return NullNoise(noise, self.visits + signal.stop.astype(np.float32))
 
 
 class SinglePrecisionBank:
