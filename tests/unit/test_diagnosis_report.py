@@ -259,10 +259,11 @@ def test_a_cause_that_was_found_twice_is_drawn_with_all_it_does() -> None:
 
 
 def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
-    course = DwellCourse(("0–6 %", "6–100 %"), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
+    course = DwellCourse(np.array([0.03, 0.5]), np.array([1e-3, 0.0]), np.array([9e-4, 0.0]))
     page = build_page(some_data("named", [a_cause("settling")], dwell=course))
     assert page.lead is not None
     assert "settling within the dwell" in page.lead.svg
+    assert "time since the dwell began, s" in page.lead.svg
 
 
 @pytest.mark.parametrize(("effect", "axis"), [("bias-walk", "visit within the run"), ("repeatability", "x-up")])

@@ -22,11 +22,11 @@ class CauseSignature:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DwellCourse:
-    """The course within a dwell, every visit turned so that the cause starts upwards: parts of the dwell by name, what
-    is left (b) with its standard error and what the cause says (b), and the noise of one visit (b), in the recipe's
-    unit."""
+    """The course within a dwell, every visit turned so that the cause starts upwards: middles of its parts (b), s
+    from where it began, what is left (b) with its standard error and what the cause says (b), and the noise of one
+    visit (b), in the recipe's unit."""
 
-    parts: tuple[str, ...]
+    time_s: Floats
     residual: Floats
     signature: Floats
     std: Floats | None = None

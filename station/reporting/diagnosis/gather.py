@@ -50,7 +50,7 @@ def report_data(d: Diagnosis, document: Mapping[str, Any]) -> ReportData:
             )
             for i, (mean, _) in zip(new_causes(d), effects, strict=True)
         ),
-        dwell=_dwell_course(d.last, effects) if known and any(np.any(c) for _, c in effects) else None,
+        dwell=_dwell_course(d, effects) if known and any(np.any(c) for _, c in effects) else None,
         read=read,
         expected=expected,
         smallest=smallest_detectable(d.search_result.stage, d.search_result.share),
@@ -82,9 +82,9 @@ def _without_calibration(problem: ScoringProblem, effect: Floats) -> Floats:
     return remaining
 
 
-def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]]) -> DwellCourse:
+def _dwell_course(d: Diagnosis, effects: list[tuple[Floats, Floats]]) -> DwellCourse:
     """The mean course within a dwell, visits and axes weighted and turned by how strongly the causes begin there."""
-    r = problem.view.reduced
+    problem, r = d.last, d.last.view.reduced
     mean, contrast = (sum(parts[1:], parts[0]) for parts in zip(*effects, strict=True))
     predicted = _blocks(r, mean, contrast)
     now = problem.view.simulated()
@@ -92,12 +92,12 @@ def _dwell_course(problem: ScoringProblem, effects: list[tuple[Floats, Floats]])
     weight = predicted[:, 0] - predicted[:, -1]
     total = max(float(np.abs(weight).sum()), 1e-300)
     level = [np.einsum("vbi,vi->b", part - part[:, -1:], weight / total) for part in (remaining, predicted)]
-    ends = [0.0, *r.edges]
-    names = tuple(f"{100 * a:.0f}–{100 * b:.0f} % of the dwell" for a, b in zip(ends, r.edges, strict=False))
+    ends = np.append(0.0, r.edges)
+    middles = samples.usual_dwell_s(next(iter(d.inspection.samples.portions()))) * (ends[1:] + ends[:-1]) / 2
     rest = _blocks(r, r.mean - now[0], r.contrast - now[1])
     scatter = np.nanmean((rest - rest[:, -1:]) ** 2, axis=(0, 2))
     std = np.sqrt(scatter * float(np.sum((weight / total) ** 2)))
-    return DwellCourse(names, level[0], level[1], std, np.sqrt(scatter))
+    return DwellCourse(middles, level[0], level[1], std, np.sqrt(scatter))
 
 
 def _blocks(r: ReducedScene, mean: Floats, contrast: Floats) -> Floats:

@@ -87,7 +87,7 @@ def _of_samples(data: ReportData, cause: Mapping[str, Any]) -> CaptionedFigure |
 def dwell_figure(course: DwellCourse, unit: str, effect: str) -> str:
     """The mean course within a dwell."""
     factor, words = display_unit([float(np.abs(course.residual).max())], unit)
-    at = np.arange(len(course.parts), dtype=float).tolist()
+    at = course.time_s.tolist()
     wide = 1.96 * factor * (np.zeros(len(at)) if course.std is None else course.std)
     measured = course.residual * factor
     low, high = (measured - wide).tolist(), (measured + wide).tolist()
@@ -103,9 +103,8 @@ def dwell_figure(course: DwellCourse, unit: str, effect: str) -> str:
         Series(at, (course.signature * factor).tolist(), report_text("legend-cause"), kind="line", colour=1),
         Series(at, measured.tolist(), report_text("legend-measured"), low=low, high=high),
     )
-    return svg(
-        Figure(report_text("figure-dwell", effect=effect), "", words, series, course.parts, width=760, height=330)
-    )
+    title, along = report_text("figure-dwell", effect=effect), report_text("axis-within-dwell")
+    return svg(Figure(title, along, words, series, width=760, height=330))
 
 
 def spectrum_figure(found: ToneSpectrum, cause: Mapping[str, Any], unit: str) -> str:

@@ -54,6 +54,12 @@ def first_dwell(table: SampleTable, fault: GrossFault) -> DwellSamples:
     return DwellSamples(serials[first], "xyz"[i], reading[:, i])
 
 
+def usual_dwell_s(table: SampleTable) -> float:
+    """How long a dwell lasts as a rule, from its first sample to its last."""
+    starts, ends = _dwells(table)
+    return float(np.median(table.time_s[ends - 1] - table.time_s[starts]))
+
+
 def _dwells(table: SampleTable) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """First row of each dwell, and the row behind its last."""
     key = np.stack([table.unit.code, table.run, table.visit])
