@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,18 @@ def test_counts_of_a_compass_outside_of_any_field_of_the_earth_are_of_no_unit(
 ) -> None:
     counts = np.round(161 * sphere(rng, 400) * [1, 0.95, 1.04] + [20, 50, 80])
     check(understood(capsys, saved(tmp_path / "turned.txt", counts, form="%d")), raw_unit="LSB", visits=400)
+
+
+def test_numbered_motors_are_no_compass(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """Three angles in rad that go round, ever further, and of the size of a field in gauss in the beginning."""
+    phase = np.arange(20)[:, None] * 0.7 + 2 * np.pi / 3 * np.arange(3)
+    held = np.linspace(0.5, 4, 20)[:, None] * np.cos(phase)
+    steps = [np.r_[np.tile(a, (200, 1)), np.linspace(a, b, 50)] for a, b in pairwise(held)]
+    turns = np.concatenate(steps)
+    rows = np.c_[turns + 1e-3 * rng.standard_normal(turns.shape), np.abs(turns[:, :1]) * 20]
+    path = tmp_path / "arm.csv"
+    np.savetxt(path, rows, "%.6f", ",", header="M1,M2,M3,Inclination", comments="")
+    assert "M1, M2, M3 do not behave as the axes of one sensor" in refused(capsys, path)
 
 
 def test_stamps_that_a_spreadsheet_rounded_tell_no_time(

@@ -8,6 +8,8 @@ _NUMBERED = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<axis>[0-3])[\])]*$")
 _AXES = ("xyz", "012", "123")
 #: Columns of a matrix, which has more of them than axes.
 _OF_MATRIX = re.compile(r"^(?P<stem>.*?)[\[(._ ]*(?P<number>[4-9]|[1-9][0-9]+)[\])]*$")
+#: m1, m2, m3 are motors as often as axes of a magnetometer, so that their name tells nothing.
+_MOTORS = ("m", "\0")
 #: Turn rates as aviators call them, and what their names have in common then.
 _TURN = re.compile(r"roll|pitch|yaw")
 _TURNS = {"p": "x", "q": "y", "r": "z", "roll": "x", "pitch": "y", "yaw": "z"}
@@ -34,6 +36,8 @@ def triples(names: Iterable[tuple[int, str]]) -> Iterator[tuple[str, tuple[int, 
         if numbered and numbered["stem"] not in matrices:
             groups.setdefault((numbered["stem"], "\0"), {}).setdefault(numbered["axis"], place)
     for (head, tail), places in groups.items():
+        if (head, tail) == _MOTORS:
+            continue
         for axes in _AXES:
             if all(a in places for a in axes):
                 yield f"{head} {tail}".replace("\0", ""), (places[axes[0]], places[axes[1]], places[axes[2]])

@@ -263,6 +263,8 @@ def _check_gravity_shows(recording: Recording, edges: NDArray[np.int64]) -> None
     raw = recording.reading[:1000] / scale.factor + scale.zero
     if scale.exact or np.allclose(raw, np.round(raw), atol=1e-6, rtol=0):
         return
+    if recording.names_no_axes:
+        raise SamplesError("columns-of-no-sensor", file=recording.source, axes=recording.axes)
     length = np.linalg.norm([np.median(recording.reading[a:b], axis=0) for a, b in edges], axis=1)
     size = float(np.median(length))
     scatter = float(np.median([np.linalg.norm(recording.reading[a:b].std(axis=0)) for a, b in edges])) / size
