@@ -27,6 +27,7 @@ from station.model.forward import ActiveEffect, BaseResponse, convert_output, fo
 from station.model.scene import COVARIATES, Scene
 from station.model.simulate import SimulationJob, parse_effect, simulate
 from tests.unit.test_formula_grammar import ALL
+from tests.unit.tilt_recipe import tilt
 
 IDS = plugins.names("station.model.effects")
 SMOOTH = {EffectStage.POSE, EffectStage.STIMULUS, EffectStage.SENSOR}
@@ -90,25 +91,8 @@ def kind(name: str) -> type[Effect]:
 @pytest.fixture(scope="module")
 def recipe() -> Recipe:
     # The third axis leaves no component at rest: what goes with a product of two or three shows.
-    turns = [(axis, 45 * i) for axis in ([1, 0, 0], [0, 1, 0], [1, 1, 1]) for i in range(8)]
-    return Recipe.model_validate(
-        {
-            "schema": "station.recipe/1",
-            "name": "tilt-24",
-            "version": 1,
-            "sensor": "accelerometer",
-            "unit": "g",
-            "reference": {"source": "gravity", "magnitude": 1.0},
-            "positions": [
-                {"name": f"p{i}", "rotate": [{"axis": axis, "angle_deg": angle}]}
-                for i, (axis, angle) in enumerate(turns)
-            ],
-            "seatings": {"turned": {"axis": [0, 0, 1], "angle_deg": 180}},
-            "runs": [{}, {"seating": "turned", "order": "shuffled", "temperature_offset_degC": 10, "prewarm_s": 600}],
-            "settle": {"time_s": 0.0},
-            "dwell": {"time_s": 0.1},
-        }
-    )
+    runs = [{}, {"seating": "turned", "order": "shuffled", "temperature_offset_degC": 10, "prewarm_s": 600}]
+    return tilt(third=(1, 1, 1), runs=runs, dwell={"time_s": 0.1})
 
 
 @pytest.fixture(scope="module")

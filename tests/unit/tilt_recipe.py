@@ -1,5 +1,6 @@
 """Recipes for the tests of the forward simulation: three axes in steps of 45 degrees, three runs."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from station.domain.recipe.recipe import Recipe
@@ -11,9 +12,9 @@ THREE_RUNS = [
 ]
 
 
-def tilt(**changes: Any) -> Recipe:
-    """24 tilts of an accelerometer; keys of the recipe may be changed."""
-    turns = [(axis, 45 * i) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1]) for i in range(8)]
+def tilt(third: Sequence[int] = (0, 0, 1), **changes: Any) -> Recipe:
+    """24 tilts of an accelerometer about x, y and a third axis; keys of the recipe may be changed."""
+    turns = [(axis, 45 * i) for axis in ([1, 0, 0], [0, 1, 0], [*third]) for i in range(8)]
     return Recipe.model_validate(
         {
             "schema": "station.recipe/1",
