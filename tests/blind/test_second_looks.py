@@ -175,7 +175,7 @@ def test_a_law_that_leaves_nothing_is_looked_for_before_causes_that_each_follow_
         assert law is not None
         if law.is_whole:
             break
-    assert law.is_whole
+    assert law is not None and law.is_whole
     assert isinstance(law.found, Discovery)
     assert [t.fit.term.input for t in law.found.terms] == ["other-size"]
     # Where a cause explains what there is, or a kernel as much as the law, none is looked for, or it takes no place.
