@@ -195,7 +195,7 @@ def test_causes_far_from_the_found_one_in_a_sample_are_not_looked_at_in_all_unit
     first = walk_marginal.WalkMarginal(at, (), ())
     rank.keep_best(best, first, first.without())
     causes = rank.causes_of(best)
-    accepted, floor = finding._accept(problem, best["quadratic"])
+    accepted, floor = finding.accepted_at_best(problem, best["quadratic"])
     looked_at, separations = list[int](), distinguishability.separations
 
     def noted(found: Any, others: Any, layout: Any, space: Any) -> Any:

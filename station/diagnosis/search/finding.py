@@ -137,7 +137,7 @@ def cause_finding(
     causes = causes_of(ranks)
     likely = _credible(_posterior({r.name: r.evidence for r in causes}))
     probability = _posterior({n: e - UNKNOWN_NATS * (n in KERNEL_NAMES) for n, e in evidence.items()})
-    accepted, floor = _accept(problem, cause)
+    accepted, floor = accepted_at_best(problem, cause)
     near_by, d = _indistinguishable(problem, causes, accepted, floor)
     # What explains nothing is in the set of none, however little the others explain.
     shown = [n for n in likely if evidence[n] >= EXPLAINS_NATS]
@@ -146,7 +146,7 @@ def cause_finding(
     return CauseFinding(cause.name, accepted, floor, evidence, probability, tuple(members), d, surprise, alike=alike)
 
 
-def _accept(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause | None, NoiseFloor]:
+def accepted_at_best(problem: ScoringProblem, cause: RankedCause) -> tuple[AcceptedCause | None, NoiseFloor]:
     """The cause with its amplitude under the floor that fits best with it, and that floor."""
     if cause.best is None:
         return None, cause.at.floor

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Candidate, build_bank, candidates_of_shape
+from station.diagnosis.candidates.kernels import disturbed_readings
 from station.diagnosis.candidates.nuisance import AcceptedCause
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.noise_floor import NoiseFloor
@@ -25,9 +26,9 @@ from station.diagnosis.search.cause_search import (
     with_forms_checked,
 )
 from station.diagnosis.search.distinguishability import SEPARATION_95, estimate_signal, separations
-from station.diagnosis.search.finding import CauseFinding
+from station.diagnosis.search.finding import CauseFinding, accepted_at_best
 from station.diagnosis.search.problem import refined
-from station.diagnosis.search.rank import variance_surprise
+from station.diagnosis.search.rank import RankedCause, variance_surprise
 from station.diagnosis.search.scoring import ScoringProblem, evidence_by_cause, score_bank
 from station.diagnosis.search.search_state import LawFactory, NullFactory
 from station.diagnosis.search.unit_sample import FLOOR_UNITS, LEAST_SHARE, SURE_ERRORS, spread_units
@@ -70,15 +71,11 @@ def _in_all_units(problem: ScoringProblem, found: SearchResult) -> SearchResult 
         return None
     last, findings = problem, list[CauseFinding]()
     for finding in found.findings:
-        assert finding.accepted is not None
-        candidate = _of_all(finding.accepted.candidate, last)
-        if candidate is None:
+        item, floor = _accepted_by_all(last, finding)
+        d = None if item is None else _strength(last, item, finding, floor)
+        if item is None or d is None:
             return None
-        with_it = _accepted_by_all(last, candidate, finding)
-        d = _strength(last, candidate, finding, with_it.fit().floor)
-        if d is None:
-            return None
-        last = with_it
+        last = refined(replace(last, near=floor).with_accepted((*last.accepted, item)))
         findings.append(replace(finding, accepted=last.accepted[-1], d=d))
     if _shows_more(last, found):
         return None
@@ -93,43 +90,41 @@ def _is_certain(found: SearchResult) -> bool:
 
 
 def _is_sure(finding: CauseFinding) -> bool:
-    """Whether a finding is one cause in groups that are known, told from all others but those alike."""
+    """Whether a finding is one cause in groups that are known, or in visits that it alone explains, told from all
+    others but those alike."""
     cause = None if finding.accepted is None else finding.accepted.candidate
-    if cause is None or cause.effect is None or cause.pattern == "scan" or cause.own:
-        return False
-    return finding.set_probability >= CERTAIN
+    known = cause is not None and (cause.scans_visits if cause.effect is None else cause.pattern != "scan")
+    return known and cause is not None and not cause.own and finding.set_probability >= CERTAIN
 
 
 def _of_all(of_sample: Candidate, problem: ScoringProblem) -> Candidate | None:
     """A candidate of a sample as all units have it; None where they have no such groups."""
-    effect = of_sample.effect
-    if effect is None or of_sample.pattern == "scan":
-        return None
-    return next((c for c in candidates_of_shape(effect, problem.view) if _level(c) == _level(of_sample)), None)
+    view, shape = problem.view, of_sample.effect
+    found = disturbed_readings(view) if shape is None else candidates_of_shape(shape, view)
+    return next((c for c in found if (c.name, *_level(c)) == (of_sample.name, *_level(of_sample))), None)
 
 
-def _accepted_by_all(problem: ScoringProblem, candidate: Candidate, finding: CauseFinding) -> ScoringProblem:
-    """The problem with a cause of a sample known in all units, with the amplitude that these show."""
-    view, plain = problem.view, candidate.plain or candidate
+def _accepted_by_all(problem: ScoringProblem, finding: CauseFinding) -> tuple[AcceptedCause | None, NoiseFloor]:
+    """A cause of a sample with the amplitude that all units show, in the groups that it hits there, and the floor with
+    it; none where they have no such groups."""
     assert finding.accepted is not None
-    every, shape = np.ones(len(plain.names), bool), (len(plain.names), plain.axes)
-    std = np.broadcast_to(finding.accepted.std[0], shape)
-    item = AcceptedCause(plain, every, np.zeros(shape), np.zeros(shape), std)
-    floor = problem.with_accepted((*problem.accepted, item)).fit(finding.floor).floor
-    own = score_bank(problem, [build_bank([candidate], view.layout, moving=candidate.moving)], floor)
-    return refined(replace(problem, near=floor).with_accepted((*problem.accepted, own.accept(candidate, view))))
+    best = _of_all(finding.accepted.candidate, problem)
+    if best is None:
+        return None, finding.floor
+    at = score_bank(problem, [build_bank([best], problem.view.layout, moving=best.moving)], finding.floor)
+    return accepted_at_best(problem, RankedCause(best.name, 0.0, best, at))
 
 
-def _strength(problem: ScoringProblem, candidate: Candidate, finding: CauseFinding, floor: NoiseFloor) -> float | None:
-    """How strong a cause is in all units under a floor, with it still unknown; None where all units may tell it from
-    one that the sample could not."""
-    alike = [_of_all(c, problem) for c in finding.alike]
+def _strength(problem: ScoringProblem, item: AcceptedCause, finding: CauseFinding, floor: NoiseFloor) -> float | None:
+    """How strong a cause is in all units under a floor; None where all units may tell it from one that the sample could
+    not."""
+    alike = [_of_all(c, problem) for c in finding.alike if c.pattern != "scan"]
     others = [(c, np.ones(len(c.names))) for c in alike if c is not None]
     if len(others) < len(finding.indistinguishable_from):
         return None
-    layout, moving = problem.view.layout, any(c.moving for c in (candidate, *(c for c, _ in others)))
+    layout, moving = problem.view.layout, any(c.moving for c in (item.candidate, *(c for c, _ in others)))
     space = problem.space(floor, moving=moving)
-    found = estimate_signal(candidate.plain or candidate, layout, space, np.ones(len(candidate.names)))
+    found = estimate_signal(item.candidate, layout, space, item.hit.astype(float))
     apart = separations(found, others, layout, space)
     return None if any(x >= SEPARATION_95 for x in apart.values()) else found.d
 
@@ -152,6 +147,7 @@ def _shows_more(problem: ScoringProblem, found: SearchResult) -> bool:
         for c in candidates_of_shape(shape, problem.view)
         if _level(c) in levels
     ]
+    items += disturbed_readings(problem.view)
     banks = [build_bank(items, problem.view.layout, moving=moving) for moving in sorted({c.moving for c in items})]
     scored = score_bank(problem, banks, fitted.floor)
     evidence = evidence_by_cause(scored.candidates, scored.readings().evidence)
