@@ -1,4 +1,4 @@
-"""Several causes that together explain what one cause, or a kernel, does alone: chains of them, one after the other."""
+"""Chains: several causes that together explain what a single cause, or a kernel, explains alone."""
 
 from collections.abc import Mapping, Sequence
 
@@ -20,7 +20,7 @@ Chain = list[tuple[CauseFinding, SearchState]]
 def in_parts(
     search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause, before: Sequence[str]
 ) -> Chain:
-    """The cause, or several of few numbers that together explain more than one of many does alone."""
+    """The cause, or several causes of few numbers that together explain more than one of many does alone."""
     accepted = search.accepted(state, ranks, cause)
     parts = parts_of_cause(state.problem, ranks, cause)
     if not parts or accepted[1].alarms:
@@ -40,13 +40,10 @@ def in_parts(
 
 
 def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]) -> Chain:
-    """Causes, one after the other, that together explain at least what the leading kernel does; none where there
-    are no such.
-
-    Alone each may explain next to nothing, as what the others do passes for noise; so each of the best few is tried
-    as the first. Both ways end in data that a kernel may still follow: the evidence of all steps is compared, and
-    each further cause is one more choice out of the library.
-    """
+    """Causes, one after the other, that together explain at least what the leading kernel does; none where there are
+    none. Alone each may explain next to nothing, because what the others do passes for noise, so each of the best few
+    is tried as the first. A kernel may still follow what is left either way: the evidence of all steps is compared, and
+    each further cause is one more choice out of the library."""
     kernel = leaders(ranks)[1]
     target = 0.0 if kernel is None else kernel.evidence
     causes = first_of_chains(state.problem, ranks, kernel)
@@ -61,7 +58,7 @@ def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCau
 def chain_from(
     search: CauseSearch, cause: RankedCause, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]
 ) -> tuple[float, Chain]:
-    """The evidence of a cause and of those that are evident after it, with what a kernel then still explains."""
+    """The evidence of a cause and of those that are evident after it, plus what a kernel then still explains."""
     total, found = 0.0, Chain()
     while True:
         total += cause.evidence - CHOICE_NATS * bool(found)

@@ -28,7 +28,7 @@ MAX_ROUNDS = 6
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchResult:
     """What was found, the problem with all of it known, and the stage at which nothing alarmed any more; law: the one
-    that was looked for before any cause; share: how many units each of the stage stands for."""
+    that was searched before any cause; share: how many units each unit of the stage stands for."""
 
     first: ScoringProblem
     last: ScoringProblem
@@ -71,7 +71,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFact
 
 
 def search_unchecked(problem: ScoringProblem, null_of: NullFactory, law_of: LawFactory | None = None) -> SearchResult:
-    """The same, each finding's probability against causes and kernels alone."""
+    """The same, with each finding's probability against causes and kernels only."""
     search = CauseSearch(problem, null_of)
     found, law = _one_after_another(search, law_of)
     state = found[-1][1] if found else search.first
@@ -97,8 +97,8 @@ def search_unchecked(problem: ScoringProblem, null_of: NullFactory, law_of: LawF
 
 
 def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[Chain, LawAlone | None]:
-    """Causes, the best first, until nothing alarms; perhaps a kernel at the end. The law that was looked for first, if
-    any was: where it is all there is, only the kernel."""
+    """Causes, the best first, until nothing alarms; perhaps a kernel at the end. Also the law that was searched first,
+    if any: where it explains everything, only the kernel is found."""
     state, found, first, law = search.first, Chain(), dict[str, RankedCause](), None
     while state.alarms and len(found) < MAX_ROUNDS:
         ranks = search.ranks(state, [f.name for f, _ in found])
@@ -124,8 +124,8 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
 
 
 def _in_place_of(law: LawAlone, search: CauseSearch, ranks: Mapping[str, RankedCause]) -> Chain:
-    """Causes that together leave nothing either, with no more numbers than the law: a matrix's off-diagonal gains are
-    a package that is turned and axes that are not square. None where there are no such."""
+    """Causes that together explain everything too, with no more numbers than the law: off-diagonal gains of a matrix
+    are a turned package and axes that are not square. None where there are no such causes."""
     evident = sorted((r for r in causes_of(ranks) if r.evidence > EVIDENT_NATS), key=lambda r: -r.evidence)
     # Chains of causes are dear: none is tried where the best and any other already have more numbers.
     fits = len(evident) > 1 and evident[0].numbers + min(r.numbers for r in evident[1:]) <= law.numbers
@@ -135,8 +135,8 @@ def _in_place_of(law: LawAlone, search: CauseSearch, ranks: Mapping[str, RankedC
 
 
 def with_forms_checked(found: SearchResult) -> SearchResult:
-    """The same, each finding's probability against laws of no cause, too, and the covariates of the laws that are ahead
-    of a cause."""
+    """The same, with each finding's probability against laws of no cause as well, and the covariates of the laws that
+    are ahead of a cause."""
     problem, last = found.first, found.last
     checked, words, i = list[CauseFinding](), list[str](), len(problem.accepted)
     for finding in found.findings:
@@ -162,8 +162,8 @@ def _with_words_ahead(f: CauseFinding) -> CauseFinding:
 
 
 def _beside_unlikely(findings: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
-    """The findings, none likelier than not beside a stronger one that is unlikely: what that leaves of whatever is
-    there instead is as large as a weaker cause, and may look like any."""
+    """The findings, none more likely than not beside a stronger one that is unlikely: what the wrong form leaves is as
+    large as a weaker cause, and may look like any."""
     strongest = max((f.d for f in findings if f.accepted is not None and f.is_unlikely), default=0.0)
     return tuple(
         f.at_most(UNLIKELY) if f.accepted is not None and not f.is_unlikely and f.d < strongest else f for f in findings

@@ -1,4 +1,4 @@
-"""With which cause to begin where several may act at once: behind a kernel, or behind one cause of many numbers."""
+"""Where to begin a chain of causes: behind a kernel, or behind one cause of many numbers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -24,7 +24,7 @@ def first_of_chains(
     problem: ScoringProblem, ranks: Mapping[str, RankedCause], kernel: RankedCause | None
 ) -> list[RankedCause]:
     """The causes to begin a chain with: those of the largest evidence, and those that hold most of what the kernel
-    follows, each coefficient counted as noise would count it."""
+    follows, in excess of what noise would give each coefficient."""
     causes = _visible(ranks)
     evident = [r for r in causes if r.evidence > 0][:MAX_STARTS]
     if kernel is None or kernel.best is None:
@@ -36,7 +36,7 @@ def first_of_chains(
 
 def parts_of_cause(problem: ScoringProblem, ranks: Mapping[str, RankedCause], whole: RankedCause) -> list[RankedCause]:
     """The causes of few numbers that hold most of what one of many does: an offset of each unit in each run follows
-    whatever one of each nest and one that warms up do together."""
+    whatever an offset of each nest and a warm-up do together."""
     if whole.best is None:
         return []
     evident = (r for r in _visible(ranks) if r.name != whole.name and r.evidence > 0)

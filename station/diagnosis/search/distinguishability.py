@@ -85,7 +85,7 @@ def estimate_signal(candidate: Candidate, layout: RowLayout, space: ResidualSpac
 
 
 def followed_share(found: EstimatedSignal, other: SignatureAxes) -> float:
-    """How much of a signal another cause can imitate, less what it would of as many numbers of noise."""
+    """The share of the signal that another cause can imitate, less what as many numbers of noise would."""
     total = float(np.sum(found.data**2))
     if total <= 0:
         return 0.0
@@ -94,7 +94,7 @@ def followed_share(found: EstimatedSignal, other: SignatureAxes) -> float:
 
 
 def distinct_share(found: SignatureAxes, other: SignatureAxes) -> float:
-    """κ: which share of a cause another cannot imitate, over all directions of its coefficients."""
+    """κ: the share of a cause that another cannot imitate, over all directions of its coefficients."""
     total = float(found.m.sum())
     return max(_squares_outside(found.vectors, other, each=found.own), 0.0) / total if total > 0 else 1.0
 

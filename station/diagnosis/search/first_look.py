@@ -1,9 +1,9 @@
 """The first look at a fleet in which a sample of its units shows what leads.
 
-Causes and kernels that are surely far behind the leader of their kind are looked at in all units at one shape of each
-level, the sample's best, and in whatever hits few units, which may hit none of the sample: enough to know how far
-behind they are. What is near is looked at in every shape, and so is everything once the leader is known. Where nothing
-leads by so much, nothing is left out: a healthy fleet is judged by all candidates in all units.
+Causes and kernels certainly far behind the leader of their kind are evaluated in all units only at the shape that is
+best in the sample, at each level, and in whatever hits few units, which may hit none of the sample: enough to know how
+far behind they are. What is near is evaluated in every shape, and so is everything once the leader is known. Where
+nothing leads by so much, nothing is left out: a healthy fleet is judged by all candidates in all units.
 """
 
 from collections.abc import Sequence

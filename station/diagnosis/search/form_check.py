@@ -92,8 +92,8 @@ class RivalLaws:
 
 
 def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iterable[str] = ()) -> RivalLaws:
-    """The laws in place of accepted cause i, or of those alike, from which it cannot be told, beside all others. floor:
-    the one with all of them known."""
+    """The laws in place of accepted cause i, or of those in its set, beside all others. floor: the one with all of them
+    known."""
     bare = problem.without(i)
     known = [
         *_forms(problem.accepted[i].candidate, bare.view),
@@ -114,7 +114,7 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iter
 
 
 def _within_form_error(nats: float) -> float:
-    """What a cause would explain, of so many nats, were its form exact."""
+    """How many of so many nats a cause would explain if its form were exact."""
     return nats + FORM_SHARE * max(nats, 0.0)
 
 
@@ -193,8 +193,8 @@ def _shapes(name: str, view: ResidualView) -> list[Candidate]:
 
 
 def in_place_of(problem: ScoringProblem, i: int, name: str) -> ScoringProblem | None:
-    """The problem with another cause, at its best, in place of accepted cause i; None where these data show none of
-    its shapes."""
+    """The problem with another cause, fitted, in place of accepted cause i; None where these data show none of its
+    shapes."""
     bare, floor = problem.without(i), problem.fit().floor
     if not (shapes := _shapes(name, bare.view)):
         return None

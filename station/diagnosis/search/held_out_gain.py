@@ -1,10 +1,9 @@
-"""What a cause gains on data it did not fit.
+"""What a cause gains on data it was not fitted to.
 
 The white rows of the visits are independent, so a part of them can be held out and predicted from the rest. What is
-held out respects the cause: visits where each unit has its own coefficient, units where all share one (the held-out
-unit then keeps only its own calibration), samples where one visit alone is hit. The score is the logarithmic one, its
-standard error that of the sum of the paired differences of the visits, or where few of them move, that of their white
-noise.
+held out depends on the cause: visits where each unit has its own coefficient, units where all share one (the held-out
+unit then keeps only its own calibration), samples where a single visit is hit. The score is logarithmic. Its standard
+error is that of the sum of the paired differences of the visits or, where few of them move, that of their white noise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -68,7 +67,7 @@ def held_out_gain(problem: ScoringProblem, i: int, floor: NoiseFloor) -> HeldOut
 
 
 def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFloor) -> HeldOutGain:
-    """The gain of some accepted causes together beside all others; held out as the first of them asks for."""
+    """The gain of some accepted causes together beside all others, held out as the first of them requires."""
     items = [problem.accepted[i] for i in which]
     bare = problem
     for i in sorted(which, reverse=True):
@@ -177,9 +176,9 @@ class _HeldOutTest:
         return _Prediction(0.5 * self.by_visit(white**2), self._measured(white), self._raw(solved, held))
 
     def _split_by_noise(self, held: Floats) -> "_Prediction":
-        """The same for one visit: two data sets of twice the variance are made by adding and taking off noise, which
-        are independent; the one is fitted, the other judged, and the other way round (data fission, Leiner et al.
-        2023). Some such pairs are averaged, so that hardly anything depends on the noise added."""
+        """The same for one visit. Adding and subtracting noise makes two independent data sets of twice the variance;
+        one is fitted and the other judged, and vice versa (data fission, Leiner et al. 2023). Several such pairs are
+        averaged, so that hardly anything depends on the noise added."""
         rng = np.random.default_rng(0)
         squares: Floats = np.zeros(self.side.view.grid.slot.shape)
         for _ in range(FISSIONS):

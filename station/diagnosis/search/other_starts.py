@@ -1,9 +1,9 @@
 """Whether causes that begin with another one than the leader explain more together.
 
-The first cause is chosen alone. A jump that may be in any run takes up what a warm-up does in all of them, and what it
-leaves is no longer seen. So each of the best few is set beside whatever fits best next to it, all under one floor: as
-cheap as one look at the bank. What is beside the cause that was found first, the state after it has told. Only what is
-then ahead is looked for in full.
+The first cause is chosen alone. A jump that may be in any run absorbs what a warm-up does in all of them, and the
+remainder no longer shows it. So each of the best few is fitted beside whatever fits best next to it, all under one
+floor, at the price of one pass over the bank. For the cause that was found first, the state after it already tells its
+best partner. Only what is then ahead is searched in full.
 """
 
 from collections.abc import Mapping
@@ -29,8 +29,8 @@ AHEAD_NATS = 3.0
 
 
 def best_of_starts(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], found: Chain) -> Chain:
-    """What was found from a state with such ranks, or what begins with another cause, explains clearly more and leaves
-    nothing."""
+    """The chain found from a state with such ranks, or one that begins with another cause, explains clearly more and
+    leaves nothing."""
     if not found or any(f.words for f, _ in found):
         return found
     least = _value(found) + AHEAD_NATS

@@ -1,5 +1,5 @@
-"""What was found is looked at again, each beside all others: what one cause leaves behind blurs the first ranking of
-another."""
+"""A second look at what was found, each cause beside all others: what one cause leaves behind blurs the first ranking
+of another."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,8 +26,8 @@ class _BesideOthers:
     evidence: float
 
     def better(self, accepted: Sequence[AcceptedCause], i: int, *, pays: bool) -> list[RankedCause]:
-        """What may be right in the place of accepted cause i, the likeliest first: another cause that is ahead, itself
-        at another level; where it gains nothing on held-out data, whatever is as likely but for chance."""
+        """What may be right in place of accepted cause i, the likeliest first: another cause that is ahead, or the same
+        at another level; where it gains nothing on held-out data, any that is as likely but for chance."""
         known = {item.candidate.name for k, item in enumerate(accepted) if k != i}
         least, mine = self.evidence + (AHEAD_NATS if pays else -AHEAD_NATS), accepted[i].candidate
         found = list[RankedCause]()
@@ -42,9 +42,8 @@ class _BesideOthers:
 def judged_again(
     search: CauseSearch, state: SearchState, findings: tuple[CauseFinding, ...]
 ) -> tuple[tuple[CauseFinding, ...], SearchState]:
-    """The findings, each with the probabilities and the rivals that it has beside all others: what one cause leaves
-    behind blurs the first ranking of another. One that explains nothing any more, and without which nothing alarms,
-    was such a blur, and goes."""
+    """The findings, each with the probabilities and the rivals that it has beside all others. One that no longer
+    explains anything, and without which nothing alarms, was a remainder of another, and is dropped."""
     return (findings, state) if len(findings) < 2 else _judged(search, state, findings, MAX_CHAIN)
 
 
