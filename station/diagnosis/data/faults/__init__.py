@@ -20,11 +20,13 @@ from station.diagnosis.data.faults import (
 )
 from station.diagnosis.data.faults.bit_shifts import dwells_of_unit, restored
 from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, rows_of_units
+from station.diagnosis.data.faults.rounding import with_honest_rounding
 from station.diagnosis.data.sample_source import SampleSource
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.forward import resting_stimulus
 from station.model.scene import Scene, visits_scene_of_table
+from station.model.timeline import noise_density_of
 
 __all__ = ["FaultParameter", "GrossFault", "Inspection", "inspect", "undetectable_faults"]
 
@@ -82,6 +84,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     usable = table[whole].used() if bad.any() else table
     found += motor_tone.faults(recipe, usable, stop[whole])
     found = [f for f in found if not f.rejected]
+    usable = _honestly_rounded(recipe, usable, stop[whole], found)
     driven = "motor" in table.values and float(np.ptp(table.values["motor"])) > 0.0
     hidden = undetectable_faults(recipe, table.values, len(table), len(scene.visits), driven=driven)
     return Inspection(tuple(found), SampleSource.of(usable), hidden, gold_reference.testable_causes(recipe, table))
@@ -103,6 +106,15 @@ def _stuck_bits(
     for u, stuck in bits.items():
         reading[units[u]] = restored(dwells_of(u), stuck, lsb)
     return found, replace(table, reading=reading)
+
+
+def _honestly_rounded(
+    recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], found: list[GrossFault]
+) -> SampleTable:
+    """The samples with what rounding leaves of their means as noise."""
+    noise = noise_density_of(recipe) * float(np.sqrt(recipe.device.rate_hz / 2))
+    steps = grid_step.steps_of_units(table, recipe.device.lsb, found)
+    return with_honest_rounding(table, np.unique(stop, return_inverse=True)[1], steps, noise)
 
 
 def _means(reading: Floats, stop: NDArray[np.intp]) -> Floats:

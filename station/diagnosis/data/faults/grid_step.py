@@ -51,6 +51,12 @@ def _is_fine(reading: Floats, promised: float) -> bool:
     return bool(np.any(near & (apart > SAME * np.maximum(size, 1e-30))))
 
 
+def steps_of_units(table: SampleTable, promised: float, found: list[GrossFault]) -> Floats:
+    """The step of each unit's output (U): as promised, or as coarse as was found."""
+    coarse = {n.of: float(n.value) for f in found if f.effect == "quantization" for n in f.numbers}
+    return np.array([coarse.get(unit_label(table.unit, u), promised) for u in range(len(table.unit.names))])
+
+
 def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose output comes in coarser steps than promised."""
     promised = recipe.device.lsb
