@@ -147,6 +147,8 @@ Line = Callable[[float, list[float]], str]
          + f"ALT: {16555014.81 - 9 * t:.2f}m,GPS: 3D_FIX,SAT=4,iTOW={558330000 + round(t)}ms", "ACCEL_"),
         (lambda t, r: f"2024-04-27-12-15-{int(t):02d}::: IMU Acceleration: [{r[0]:.4f} {r[1]:.4f}  {r[2]:.4f}], "
          "IMU Angular Velocity: [ 0.1 0. -0.2] ", "IMU_Acceleration_"),
+        (lambda t, r: f" {1371350234 + round(1e6 * t)}: [{1638 * r[0]:3.0f} {1638 * r[1]:3.0f} {1638 * r[2]:3.0f}]"
+         f" ret={-(round(25 * t) % 99 == 7)}", ""),
     ],
 )  # fmt: skip
 def test_three_values_behind_the_name_of_their_sensor(
@@ -156,7 +158,8 @@ def test_three_values_behind_the_name_of_their_sensor(
     path = tmp_path / "terminal.log"
     path.write_text("\n".join(map(line, t.tolist(), (y * G).tolist())) + "\n", encoding="utf-8")
     one = understood(capsys, str(path))
-    check(one, axes=[axes + a for a in "xyz"], visits=8, raw_unit="m/s²")
+    check(one, visits=8, poses=8)
+    assert not axes or (one["axes"], one["raw_unit"]) == ([axes + a for a in "xyz"], "m/s²")
     assert one["rate_hz"] == pytest.approx(RATE_HZ, rel=0.02)
 
 

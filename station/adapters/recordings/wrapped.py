@@ -26,6 +26,8 @@ _GROUPED = re.compile(
 MOSTLY, LEAST_ROWS = 0.6, 20
 #: Of lines that take turns at least this share has the pattern whose numbers are named x, y and z; of so many patterns.
 AT_LEAST, MOST_PATTERNS = 0.2, 4
+#: Of the rows of a plain table at least this share has the same number of cells.
+REGULAR = 0.99
 #: Cells that change this seldom from line to line are labels.
 SELDOM = 0.1
 
@@ -63,11 +65,17 @@ def _is_wrapped(lines: list[str]) -> bool:
     scored = [(dialect.score(list(enumerate(lines)), d), d) for d in dialect.DELIMITERS]
     (_, columns), delimiter = max(scored, key=lambda s: (round(s[0][0], 2), s[1]))
     rows = [cells for line in lines if len(cells := dialect.split(line, delimiter)) == columns]
-    if columns < 3 or len(rows) < LEAST_ROWS:
+    if columns < 3 or len(rows) < LEAST_ROWS or (delimiter == " " and _is_ragged(lines, len(rows))):
         return True
     by_column = list(zip(*rows, strict=True))
     numeric = sum(sum(map(dialect.is_number, cells)) > 0.5 * len(cells) for cells in by_column)
     return numeric < 3 or any(_holds_several(cells) for cells in by_column)
+
+
+def _is_ragged(lines: list[str], regular: int) -> bool:
+    """Whether more lines have one pattern than the same number of cells, as `[ 76 190]` beside `[-100 14]`."""
+    ((pattern, times),) = Counter(map(_pattern, lines)).most_common(1)
+    return regular < REGULAR * len(lines) and times > regular and pattern.count(_NUMBER) >= 3
 
 
 def _holds_several(cells: tuple[str, ...]) -> bool:
@@ -86,7 +94,11 @@ def _plain(line: str) -> str:
 
 
 def _pattern(line: str) -> str:
-    return re.sub(r"\s+", " ", _VALUE.sub(lambda m: _CLOCK if m["clock"] else _NUMBER, _plain(line)))
+    return re.sub(
+        r"(?<=[\[({])\s+|\s+(?=[\])}])",
+        "",
+        re.sub(r"\s+", " ", _VALUE.sub(lambda m: _CLOCK if m["clock"] else _NUMBER, _plain(line))),
+    )
 
 
 def _names(pattern: str) -> list[str]:

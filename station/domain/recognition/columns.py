@@ -39,6 +39,8 @@ MOST_LABELS, LEAST_LASTING = 2000, 8
 LEAST_NAMED, MOST_NAMED = 3, 500
 #: What lies still and is gravity has its size within this share.
 NEAR_GRAVITY = 0.05
+#: A column of one number in this share of the rows tells nothing of a pose.
+NEARLY_ALWAYS = 0.95
 #: A sensor that is turned shows means that scatter by this share of their magnitude.
 LEAST_TURN = 0.2
 
@@ -146,8 +148,10 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
 
 
 def _filled(table: RawTable, free: list[int]) -> list[int]:
-    """Columns without those of zeros alone, as of sensors that are not there, where whole triples are left."""
-    filled = [i for i in free if table.numbers(i).any()]
+    """Columns without those that hold one number nearly always, as sensors that are not there and marks of errors do,
+    where whole triples are left."""
+    numbers = {i: table.numbers(i) for i in free}
+    filled = [i for i in free if np.mean(numbers[i] == np.median(numbers[i])) < NEARLY_ALWAYS]
     return filled if len(filled) >= 3 and len(filled) % 3 == 0 else free
 
 
