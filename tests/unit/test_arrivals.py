@@ -17,7 +17,10 @@ def _scene() -> Any:
     """Five runs of twelve stops."""
     previous = np.where(np.arange(DWELLS) % 12, np.arange(DWELLS) - 1, -1)
     return SimpleNamespace(
-        visits=SimpleNamespace(previous=previous), time_s=np.arange(DWELLS) % 12.0, temperature_degC=None, motor=None
+        visits=SimpleNamespace(previous=previous, unit=SimpleNamespace(code=np.zeros(DWELLS, int))),
+        time_s=np.arange(DWELLS) % 12.0,
+        temperature_degC=None,
+        motor=None,
     )
 
 

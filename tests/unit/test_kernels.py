@@ -344,9 +344,17 @@ def _nest_that_sticks_and_slips(view: ResidualView, rng: np.random.Generator) ->
     return _nest_frame(view, (gone % 4.2)[:, None] * rng.standard_normal(3))
 
 
+def _coefficient_while_it_warms_fast(view: ResidualView, rng: np.random.Generator) -> Floats:
+    T, rate = view.scene.temperature_degC, view.scene.temperature_rate
+    assert T is not None
+    assert rate is not None
+    return np.asarray(((T - T.mean()) * (rate > np.median(rate)))[:, None] * rng.standard_normal(3))
+
+
 @pytest.mark.parametrize(
     ("law", "words", "numbers", "left"),
     [
+        (_coefficient_while_it_warms_fast, "temperature", 3, 1e-3),
         (_nest_that_sticks_and_slips, "order*input", 3, 1e-3),
         (_nest_that_warms, "temperature*input", 3, 1e-3),
         (_square_of_the_rate, "temperature", 3, 1e-3),

@@ -13,7 +13,7 @@ from station.diagnosis.candidates.kernels import LAWS, law_kernel
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.search import narrow_laws
-from station.diagnosis.search.narrow_laws import find_laws
+from station.diagnosis.search.narrow_laws import find_laws, law_banks
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import SampleTable
@@ -40,9 +40,8 @@ def test_every_law_is_one_of_a_kernel(quiet: ScoringProblem) -> None:
 def test_what_a_law_explains_is_what_least_squares_leave_less(quiet: ScoringProblem) -> None:
     """By all its columns, by those of one axis, or by those of one unit: of each the best, as often as there are."""
     floor, laws = quiet.fit().floor, list(rival_laws(quiet.view))[::97]
-    space = quiet.space(floor, moving=False)
-    found = narrow_laws._explained(quiet, laws, [space], floor)
-    bank = build_bank(laws, quiet.view.layout, moving=False)
+    space, bank = quiet.space(floor, moving=False), build_bank(laws, quiet.view.layout, moving=False)
+    found = narrow_laws._explained(quiet, bank, [space], floor)
     rows = space.project(bank.rows(quiet.view.layout, slice(0, 2)))
     known, y = space.shared_basis.reshape(space.residual.size, -1), space.residual.ravel()
     for i, (law, at) in enumerate(zip(laws, bank.place, strict=True)):
@@ -83,7 +82,7 @@ def test_what_is_on_one_axis_or_in_one_unit_is_told_sooner(quiet: ScoringProblem
     ):
         signal = np.einsum("umc,uc->um", columns, size)
         grown = replace(space, data=space.data + 8.0 * signal / np.linalg.norm(signal))
-        chance.append(narrow_laws._explained(quiet, [law], [grown], floor).chance[0])
+        chance.append(narrow_laws._explained(quiet, bank, [grown], floor).chance[0])
     assert chance[1] < 0.5 * chance[0]
 
 
@@ -95,7 +94,7 @@ def _changes_sign(w: World, rng: Scaled) -> tuple[Any, Any]:
 
 def test_a_law_that_no_wide_kernel_follows_is_found() -> None:
     problem = _problem(hide(recipe(), _changes_sign, 62, units=2, d=11.0, floor=FULL)[0])  # type: ignore[arg-type]
-    found = find_laws(problem, problem.fit().floor)
+    found = find_laws(problem, problem.fit().floor, law_banks(problem.view))
     assert found["time*order/law"].surprise == max(f.surprise for f in found.values()) > 4.0
 
 
@@ -103,7 +102,7 @@ def test_noise_and_a_healthy_rig_are_no_law() -> None:
     for seed in range(4):
         problem = _problem(hide(recipe(), None, seed, units=2, floor=FULL)[0])
         # Noise goes beyond this in one of 10,000 sets.
-        assert max(f.surprise for f in find_laws(problem, problem.fit().floor).values()) < 4.0
+        assert max(f.surprise for f in find_laws(problem, problem.fit().floor, law_banks(problem.view)).values()) < 4.0
 
 
 def test_six_visits_that_what_is_known_takes_up_show_no_law() -> None:
@@ -111,5 +110,5 @@ def test_six_visits_that_what_is_known_takes_up_show_no_law() -> None:
     faces = six_faces("listed")
     table, _ = hide(faces, None, 3, units=1, floor=WHITE)
     problem = initial_problem(reduce_samples(faces, table), FloorAllowance.of(faces, Model()))
-    found = find_laws(problem, problem.fit().floor)
+    found = find_laws(problem, problem.fit().floor, law_banks(problem.view))
     assert all(np.isfinite(f.nats) and f.surprise < 4.0 for f in found.values())

@@ -147,6 +147,7 @@ def _memories(view: ResidualView) -> Iterator[Law]:
         yield from (
             ("temperature", (on_every_axis(centred_values(form)),)) for form in (np.sign(rate), np.abs(rate), rate**2)
         )
+        yield from _by_branch(view, rate)
     memory = TemperatureMemory.of(view.scene)
     if memory is None:
         return
@@ -158,6 +159,19 @@ def _memories(view: ResidualView) -> Iterator[Law]:
     for lag in LAGS:
         behind = memory.temperature_degC - memory.lagged(lag)
         yield "temperature", (plain, on_every_axis(behind / memory.range_degC))
+
+
+def _by_branch(view: ResidualView, rate: Floats) -> Iterator[Law]:
+    """A coefficient of temperature that is another while it rises, or rises fast."""
+    T = view.scene.temperature_degC
+    if T is None or np.ptp(T) < MIN_TEMPERATURE_RANGE:
+        return
+    plain = on_every_axis(centred_values(T))
+    for least in (0.0, float(np.median(rate))):
+        rises = on_every_axis((rate > least).astype(float))
+        if np.ptp(rises) > 0:
+            yield "temperature", (plain * rises,)
+            yield "temperature", (plain, plain * rises)
 
 
 def _shocks(view: ResidualView) -> Iterator[Law]:

@@ -23,6 +23,8 @@ PIECES = 24
 WAVES, FADES = np.arange(0.0, 10.5), (0.12, 0.3)
 #: Dwells of which the livelier end is told, and how many medians of a dwell's sizes are the most that count.
 LEAST_DWELLS, MOST_MEDIANS = 12, 2.5
+#: Units whose dwells are looked at: of many any trifle shows.
+MOST_UNITS = 24
 #: Standard deviations that a piece is from its dwell's mean at the most.
 FURTHEST = 4.0
 
@@ -52,7 +54,7 @@ def pieces_of_dwells(reading: Floats, visit: NDArray[np.intp]) -> Array:
 def chance_of_early(pieces: Array, mean: Floats, scene: Scene) -> float:
     """How often noise makes dwells, by their pieces (v, PIECES, 3) and means (v, 3), as much livelier early than late;
     what each run's dwells have in common, or take from their moves, is none of it."""
-    there = np.any(pieces, axis=(1, 2))
+    there = np.any(pieces, axis=(1, 2)) & (scene.visits.unit.code < MOST_UNITS)
     if np.count_nonzero(there) < LEAST_DWELLS:
         return 1.0
     usual = np.median(np.abs(pieces[there]), axis=(0, 1)) / MAD_PER_SIGMA

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data.arrivals import PIECES, pieces_of_dwells
+from station.diagnosis.data.arrivals import chance_of_early, pieces_of_dwells
 from station.diagnosis.data.contrast_noise import ContrastNoise, contrast_noise, without_bumps
 from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
@@ -69,7 +69,7 @@ class ReducedScene:
     sample_axes: Floats = field(default_factory=lambda: np.ones(3))
     axis_correlation: Floats = field(default_factory=lambda: np.eye(3))
     read_degC: Floats | None = None
-    pieces: Array = field(default_factory=lambda: np.zeros((1, PIECES, 3), np.float32))
+    early_chance: float = 1.0
 
     @property
     def contrast_noise(self) -> ContrastNoise:
@@ -227,7 +227,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         sample_axes=axes,
         axis_correlation=differences.correlation(),
         read_degC=means.values.get("temperature_degC"),
-        pieces=np.concatenate([p.pieces for p in parts]),
+        early_chance=chance_of_early(np.concatenate([p.pieces for p in parts]), mean, scene),
     )
 
 

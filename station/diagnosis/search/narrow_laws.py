@@ -14,9 +14,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
+from station.diagnosis.candidates.bank import Bank, build_bank
 from station.diagnosis.candidates.kernels import law_kernel
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -43,28 +44,29 @@ class _Explained(NamedTuple):
     chance: Floats
 
 
-def find_laws(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
-    """What laws explain of the readings under a floor, under the names of their kernels; none of fleets and of long
-    runs."""
-    view = problem.view
+def law_banks(view: ResidualView) -> tuple[Bank, ...]:
+    """The laws of these data, some together; none of fleets and of long runs."""
     if view.grid.units > MOST_UNITS or view.grid.slot.shape[2] > MOST_VISITS:
-        return {}
-    spaces = [problem.space(at, moving=False) for at in _floors(problem, floor)]
+        return ()
     laws = list(rival_laws(view))
-    if not laws or not all(space.residual.any() for space in spaces):
+    parts = (laws[first : first + AT_ONCE] for first in range(0, len(laws), AT_ONCE))
+    return tuple(build_bank(some, view.layout, moving=False) for some in parts)
+
+
+def find_laws(problem: ScoringProblem, floor: NoiseFloor, banks: Sequence[Bank]) -> dict[str, Unseen]:
+    """What the laws of some banks explain of the readings under a floor, under the names of their kernels."""
+    spaces = [problem.space(at, moving=False) for at in _floors(problem, floor)] if banks else []
+    if not banks or not all(space.residual.any() for space in spaces):
         return {}
-    found = [_explained(problem, some, spaces, floor) for some in _parts(laws)]
+    found = [_explained(problem, bank, spaces, floor) for bank in banks]
     nats, chance = (np.concatenate(each) for each in zip(*found, strict=True))
+    laws = [law for bank in banks for law in bank.candidates]
     names, shown = np.array([law_kernel(covariates_of_law(law.name)) for law in laws]), np.isfinite(nats)
     of_name = {str(name): shown & (names == name) for name in np.unique(names[shown])}
     return {
         name: Unseen.of(float(log_mean_exp(nats[some])), float(chance[some].min()) * len(laws))
         for name, some in of_name.items()
     }
-
-
-def _parts(laws: list[Candidate]) -> Iterator[list[Candidate]]:
-    yield from (laws[first : first + AT_ONCE] for first in range(0, len(laws), AT_ONCE))
 
 
 def _floors(problem: ScoringProblem, floor: NoiseFloor) -> Iterator[NoiseFloor]:
@@ -75,11 +77,8 @@ def _floors(problem: ScoringProblem, floor: NoiseFloor) -> Iterator[NoiseFloor]:
         yield NoiseFloor(floor.noise, floor.turn, most)
 
 
-def _explained(
-    problem: ScoringProblem, laws: Sequence[Candidate], spaces: Sequence[ResidualSpace], floor: NoiseFloor
-) -> _Explained:
-    """What each law explains in the space that speaks least for it."""
-    bank = build_bank(laws, problem.view.layout, moving=False)
+def _explained(problem: ScoringProblem, bank: Bank, spaces: Sequence[ResidualSpace], floor: NoiseFloor) -> _Explained:
+    """What each law of a bank explains in the space that speaks least for it."""
     rows = bank.rows(problem.view.layout, slice(0, problem.view.grid.units))
     length = np.sum(rows.stop**2, axis=(0, 1, 2)) / floor.noise**2
     each = [_in_space(bank, space.project(rows), length, space) for space in spaces]
@@ -158,14 +157,17 @@ def _judged(squares: Floats, numbers: Floats, space: ResidualSpace) -> _Explaine
     """What laws explain by the squares (n, some) of some of their columns, of which they have one alone, and by so many
     numbers."""
     share = np.minimum(squares / space.rest, 1 - 1e-9)
-    shown = (numbers > 0) & (numbers < space.dof)
-    free = np.where(shown, space.dof - numbers, 1.0)
-    chance = scipy.special.betainc(free / 2, np.maximum(numbers, 1) / 2, 1 - share)
-    grown = (RATIOS / (1 + RATIOS))[:, None, None]
+    shown, grown = (numbers > 0) & (numbers < space.dof), (RATIOS / (1 + RATIOS))[:, None, None]
     each = -0.5 * space.dof * np.log1p(-grown * share) - 0.5 * numbers * np.log1p(RATIOS)[:, None, None]
     nats = np.where(shown, log_mean_exp(np.moveaxis(each, 0, -1)), -np.inf)
+    choices = shown.shape[1]
+    if np.all(numbers == numbers[:, :1]):
+        # Of as many numbers the largest share is the rarest.
+        share, numbers, shown = share.max(axis=1, keepdims=True), numbers[:, :1], shown[:, :1]
+    free = np.where(shown, space.dof - numbers, 1.0)
+    chance = scipy.special.betainc(free / 2, np.maximum(numbers, 1) / 2, 1 - share)
     least = np.where(shown, chance, 1.0).min(axis=1)
-    return _Explained(_mean_of_shown(nats), np.minimum(shown.shape[1] * least, 1.0))
+    return _Explained(_mean_of_shown(nats), np.minimum(choices * least, 1.0))
 
 
 def _mean_of_shown(nats: Floats) -> Floats:

@@ -3,12 +3,8 @@
 import numpy as np
 
 from station.diagnosis.candidates.kernels import ARRIVALS
-from station.diagnosis.data.arrivals import chance_of_early
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.unseen import LEAST_CHANCE, NOTHING, Unseen
-
-#: Units of which this is looked for: of many any trifle shows.
-MOST_UNITS = 24
 
 
 def find_restless_arrivals(problem: ScoringProblem) -> dict[str, Unseen]:
@@ -18,7 +14,6 @@ def find_restless_arrivals(problem: ScoringProblem) -> dict[str, Unseen]:
     view = problem.view
     if view.grid.k != 3 or any(cause.candidate.moving for cause in problem.accepted):
         return {ARRIVALS: NOTHING}
-    some = view.scene.visits.unit.code < MOST_UNITS
-    p = max(chance_of_early(view.reduced.pieces * some[:, None, None], view.reduced.mean, view.scene), LEAST_CHANCE)
+    p = max(view.reduced.early_chance, LEAST_CHANCE)
     nats = -1.0 - float(np.log(p)) - float(np.log(-np.log(p))) if p < np.exp(-1) else 0.0
     return {ARRIVALS: Unseen.of(nats, p)}

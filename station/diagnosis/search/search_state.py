@@ -121,7 +121,7 @@ class CauseSearch:
         surprise = max([statistic(self._null, evidence), *(found.surprise for found in unseen.values()), *scatter])
         evident = max(evidence.values(), default=0.0) >= EVIDENT_NATS
         if not evident or surprise <= self._null.threshold:
-            laws = find_laws(problem, fitted.floor)
+            laws = find_laws(problem, fitted.floor, self.banks.of_laws(problem.view))
             evidence |= {name: found.nats for name, found in laws.items()}
             surprise = max([surprise, *(found.surprise for found in laws.values())])
         return SearchState(problem, around.best, around, evidence, surprise, self._null.threshold)
