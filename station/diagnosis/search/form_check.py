@@ -59,7 +59,7 @@ PROMISING_NATS = 12.0
 #: Units of each of two samples of a fleet in which laws that are far behind are seen first.
 SAMPLE_UNITS = 16
 #: Numbers in the courses of the laws looked at together, were there one of each law; and laws at the least.
-COURSES_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 20, 16
+COURSES_AT_ONCE, FEWEST_LAWS_AT_ONCE = 1 << 19, 16
 
 
 @dataclass(frozen=True, slots=True)
