@@ -94,7 +94,7 @@ class ReducedScene:
 
     def of_runs(self, there: NDArray[np.bool_]) -> "ReducedScene":
         """The stops of some whole runs, there (v); what holds for all samples is that of all."""
-        of_stops = ("mean", "contrast", "count", "rate_error", "excess", "axis_excess", "read_degC", "pieces")
+        of_stops = ("mean", "contrast", "count", "rate_error", "excess", "axis_excess", "read_degC")
         values = {name: getattr(self, name) for name in of_stops}
         kept = {name: x[there] for name, x in values.items() if x is not None and len(x) == len(there)}
         return replace(self, scene=self.scene.of_runs(there), fine=self.fine.of_runs(there), **kept)
