@@ -119,7 +119,7 @@ def _fits(readings: Readings) -> Iterator[Fit]:
     effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
     y = readings.data.ravel()
     for candidate in (c for e in effects for c in candidates(e, view)):
-        X = readings.white(candidate.stop, candidate.dwell)
+        X = readings.white(candidate.visit, candidate.dwell)
         if candidate.pattern == "scan":
             alone = [Fit(candidate, B, float(np.sum((B.T @ y) ** 2))) for B in _each_group(candidate, readings)]
             best = max(alone, key=lambda f: f.drop)
@@ -136,7 +136,7 @@ def _grouped(candidate: Candidate, readings: Readings, code: Array, groups: int)
     """Columns (rows, groups · a) of all groups side by side."""
     rows = np.arange(len(code))
     stop = np.zeros((len(code), 3, groups, candidate.axes))
-    stop[rows, :, code] = candidate.stop
+    stop[rows, :, code] = candidate.visit
     dwell = None
     if candidate.dwell is not None:
         dwell = np.zeros((*candidate.dwell.shape[:3], groups, candidate.axes))
@@ -180,7 +180,7 @@ def _forest(fits: list[Fit], readings: Readings, seed: int) -> str:
     from sklearn.ensemble import RandomForestRegressor
 
     view = readings.view
-    shapes = [f.candidate.stop.sum(axis=-1).ravel() for f in fits]
+    shapes = [f.candidate.visit.sum(axis=-1).ravel() for f in fits]
     unit = np.repeat(view.scene.visits.unit.code, 3)
     X = np.stack([*shapes, unit, np.tile([0, 1, 2], len(unit) // 3)], axis=1)
     forest = RandomForestRegressor(n_estimators=TREES, random_state=seed, n_jobs=1, max_features=0.5)

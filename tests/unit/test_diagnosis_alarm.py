@@ -86,12 +86,12 @@ def test_readings_would_be_fitted_where_they_are(seed: int) -> None:
     problem = healthy(2, seed)
     bounded = BoundedFloor.of(problem.fit(), problem.upper)
     assert bounded is not None
-    assert bounded.holds(problem.setting.data.stop).all()
+    assert bounded.holds(problem.setting.data.visit).all()
 
 
 def test_sets_of_noise_that_are_drawn_for_a_floor_at_its_bounds_are_fitted_there(rng: np.random.Generator) -> None:
     problem = healthy(3, 6)
-    fitted, data = problem.fit(), problem.setting.data.stop
+    fitted, data = problem.fit(), problem.setting.data.visit
     bounded = BoundedFloor.of(fitted, problem.upper)
     side = bound_sides(fitted, problem.upper)
     assert bounded is not None

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.linear.evidence import (
     AMPLITUDE_RATIOS,
     HIT_SHARES,
@@ -32,7 +32,7 @@ from station.diagnosis.search.scoring import evidence_by_cause
 from station.domain.core.types import Floats
 
 U, M = 3, 20
-NO_COLUMNS = StopColumns.of(np.zeros((1, 3, 0)))
+NO_COLUMNS = CauseColumns.of(np.zeros((1, 3, 0)))
 
 
 def a_covariance(units: int) -> FloorCovariance:

@@ -108,7 +108,7 @@ def test_known_columns_leave_nothing_of_themselves() -> None:
 def test_a_prior_lies_between_knowing_and_not_knowing() -> None:
     rng = np.random.default_rng(9)
     grid, made, _ = structure(rng)
-    rows = DataColumns(drawn(grid, made, np.array([1.0, 0.0, 0.0]), rng).stop + 5.0)
+    rows = DataColumns(drawn(grid, made, np.array([1.0, 0.0, 0.0]), rng).visit + 5.0)
     covariance = made.covariance(np.array([1.0, 0.0, 0.0]))
     free = offsets(grid)
     rests = []

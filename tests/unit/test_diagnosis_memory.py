@@ -113,7 +113,7 @@ def test_causes_are_as_far_apart_some_units_at_a_time(problem: Any, name: str, m
     project = ResidualSpace.project
 
     def noted(self: ResidualSpace, rows: DataColumns, units: slice = slice(None)) -> Floats:
-        seen.append(len(rows.stop))
+        seen.append(len(rows.visit))
         return project(self, rows, units)
 
     monkeypatch.setattr(ResidualSpace, "project", noted)
@@ -192,7 +192,7 @@ def test_a_space_is_made_some_units_at_a_time(problem: Any, monkeypatch: pytest.
     """Of many units what stays of each is held, and what it takes to get there is not."""
     accepted = next(c for c in all_candidates(problem.view) if c.of == "common" and c.moving and c.pattern == "shared")
     beside = problem.with_accepted([accept_candidate(accepted, np.ones(len(accepted.names), bool), 1e-3)])
-    assert beside.known.shared.stop.shape[-1] and beside.known.shared_precision.all()
+    assert beside.known.shared.visit.shape[-1] and beside.known.shared_precision.all()
     covariance = problem.structure.covariance(problem.fit().floor.variances)
     seen = covariance, beside.known, *beside.readings(moving=True)
     whole, peak = traced(lambda: projection.residual_space(*seen))

@@ -5,7 +5,7 @@ import pytest
 
 from station.diagnosis.candidates import projected_bank
 from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.linear import noise_floor as floors
 from station.diagnosis.linear.grid import RowLayout, VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
@@ -36,7 +36,7 @@ def scene(k: int, rng: np.random.Generator) -> tuple[RowLayout, ResidualSpace, B
     stop = np.round(rng.standard_normal((n, 3, 2)), 3)
     names = tuple(f"visit:{i}" for i in range(n))
     scan = Candidate(
-        "disturbed-visit", None, "visit", "scan", np.arange(n, dtype=np.int32), names, StopColumns.of(stop)
+        "disturbed-visit", None, "visit", "scan", np.arange(n, dtype=np.int32), names, CauseColumns.of(stop)
     )
     return layout, space, build_bank([scan], layout, moving=False)
 

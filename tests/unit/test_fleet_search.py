@@ -80,10 +80,10 @@ def test_some_units_of_a_problem_are_what_they_are_in_it(fleet: ScoringProblem) 
     some = fleet.of_units(chosen, floor)
     setting, stops = fleet.setting.of_units(chosen)
     rows, count = some.readings(moving=True)
-    np.testing.assert_allclose(rows.stop, setting.data.stop, atol=1e-12)
+    np.testing.assert_allclose(rows.visit, setting.data.visit, atol=1e-12)
     assert rows.dwell is not None and setting.data.dwell is not None
     np.testing.assert_allclose(rows.dwell, setting.data.dwell, atol=1e-9)
-    np.testing.assert_allclose(some.known.own.stop, setting.known.own.stop, atol=1e-12)
+    np.testing.assert_allclose(some.known.own.visit, setting.known.own.visit, atol=1e-12)
     assert count == setting.readings(moving=True)[1]
     scene, whole = some.view.scene, fleet.view.scene
     assert scene.group("unit")[1] == tuple(whole.group("unit")[1][u] for u in chosen)

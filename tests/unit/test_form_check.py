@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.diagnosis.candidates.bank import Candidate, build_bank, candidates, cause_library
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.input_kernels import INPUT_WAVES
 from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.candidates.rival_laws import _within_groups, rival_laws
@@ -69,7 +69,7 @@ def test_beside_a_stronger_cause_that_is_unlikely_a_weaker_one_is_not_certain() 
 
 def found_at(d: float, probability: float) -> CauseFinding:
     """A cause of some strength, half of whose probability is that of one that it cannot be told from."""
-    floor, columns = NoiseFloor(1e-4, 0.0, 0.0), StopColumns.of(np.ones((2, 3, 1)))
+    floor, columns = NoiseFloor(1e-4, 0.0, 0.0), CauseColumns.of(np.ones((2, 3, 1)))
     candidate = Candidate("cubic", None, "common", "shared", np.zeros(2, np.int32), ("common",), columns)
     accepted = accept_candidate(candidate, np.ones(1, bool), 1.0)
     each = dict.fromkeys(("cubic", "quadratic"), probability / 2)
@@ -241,7 +241,7 @@ def test_kernels_that_explain_nothing_say_nothing() -> None:
 def test_how_much_of_a_covariate_each_unit_has_is_no_law_of_coefficients_of_its_own(size: list[float]) -> None:
     """A unit that came later has another coefficient by chance, and a fleet's may happen to go with the time."""
     unit = np.repeat(np.arange(3), 4).astype(np.int32)
-    columns = StopColumns.of(np.ones((12, 3, 1)))
+    columns = CauseColumns.of(np.ones((12, 3, 1)))
     cause = Candidate("quadratic", None, "unit", "own", unit, ("a", "b", "c"), columns)
     x = np.tile([1.0, 1.2, 1.4, 1.6], 3)
     alone, also = _within_groups(cause, x * np.array(size)[unit])

@@ -290,7 +290,7 @@ def test_what_fades_in_the_dwells_and_follows_a_course_is_one_number_an_axis(
     readings = mean_and_contrasts(rows, count)[1].reshape(len(size), -1)
     kernels = [c for c in kernel_candidates(view) if c.name == "dwell-phase/fading" and c.of == "common"]
     shares = []
-    for dwell in (c.dwell for c in kernels if c.dwell is not None and c.stop.shape[2] == 3):
+    for dwell in (c.dwell for c in kernels if c.dwell is not None and c.visit.shape[2] == 3):
         columns = dwell.reshape(readings.size, 3)
         rest = readings.ravel() - columns @ np.linalg.lstsq(columns, readings.ravel(), rcond=None)[0]
         shares.append(float(rest @ rest) / float(np.sum(readings**2)))
@@ -371,13 +371,13 @@ def test_a_law_that_a_cause_resembles_is_tried_in_its_place(
 ) -> None:
     readings = law(view, rng)
     named = (c for c in rival_laws(view) if c.name.startswith(f"law:{words}/"))
-    assert min(_left(readings, _columns(c), view) for c in named if c.stop.shape[2] <= numbers) < left
+    assert min(_left(readings, _columns(c), view) for c in named if c.visit.shape[2] <= numbers) < left
 
 
 def _columns(candidate: Any) -> Floats:
     """All columns (v, 3, numbers) of a candidate, its groups each with their own."""
-    stop, code = candidate.stop, candidate.code
-    return np.asarray(np.concatenate([stop * (code == g)[:, None, None] for g in range(code.max() + 1)], axis=2))
+    visit, code = candidate.visit, candidate.code
+    return np.asarray(np.concatenate([visit * (code == g)[:, None, None] for g in range(code.max() + 1)], axis=2))
 
 
 def _left(readings: Floats, columns: Floats, view: ResidualView) -> float:

@@ -28,7 +28,7 @@ def _assert_chosen_as_among_all(candidate: Candidate, layout: RowLayout, share: 
     chosen = np.arange(groups)[:: max(1, round(1 / share))]
     whole = candidate.rows(layout).only((chosen[:, None] * candidate.axes + np.arange(candidate.axes)).ravel())
     alone = candidate.rows(layout, chosen)
-    np.testing.assert_array_equal(alone.stop, whole.stop)
+    np.testing.assert_array_equal(alone.visit, whole.visit)
     if whole.dwell is not None:
         np.testing.assert_array_equal(alone.dwell, whole.dwell)
 

@@ -49,7 +49,7 @@ def test_samples_are_spread_and_share_no_unit(fleet: Any) -> None:
     one, two = (sampled_units(fleet.setting, 3, which) for which in (0, 1))
     assert one is not None and two is not None
     unit = fleet.view.layout.unit
-    chosen = [np.unique(unit[sample.stops]).tolist() for sample in (one, two)]
+    chosen = [np.unique(unit[sample.visits]).tolist() for sample in (one, two)]
     assert [[u // 4 for u in units] for units in chosen] == [[0, 1, 2], [0, 1, 2]]
     assert not set(chosen[0]) & set(chosen[1])
     assert one.share == UNITS / 3

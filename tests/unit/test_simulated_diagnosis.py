@@ -47,14 +47,14 @@ def test_sets_keep_what_was_measured_and_scatter_about_what_is_planned_as_white_
     readings = NextReadings(plan.problem, plan.floor, np.zeros((3, 3)), measured=1)
     drawn = readings.sets(drift, 1e-12, SETS, np.random.default_rng(1))
     old = plan.problem.readings(moving=True)[0]
-    assert np.allclose(drawn.visits[:, 0], old.stop[:, 0], atol=1e-6)
+    assert np.allclose(drawn.visits[:, 0], old.visit[:, 0], atol=1e-6)
     assert not np.allclose(drawn.visits[:, 1, :, 0], drawn.visits[:, 1, :, 1])
     # A new reading is off what the old ones predict by a normal number of its standard deviation: each adds 1 to the
     # sum of squares, which calibrations are fitted in, on the average.
     space = plan.problem.space(plan.floor, moving=False)
     U, R, m = drawn.visits.shape[:3]
     white = space.covariance.runs.whiten(drawn.visits.astype(float)).reshape(U, R * m, SETS)
-    both = np.concatenate([plan.problem.known.own.stop, old.stop], axis=-1)
+    both = np.concatenate([plan.problem.known.own.visit, old.visit], axis=-1)
     both[:, 1:] = 0.0
     alone = space.covariance.runs.whiten(both)
     alone = alone.reshape(U, R * m, -1)

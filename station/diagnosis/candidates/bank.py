@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from station import plugins
 from station.diagnosis.candidates import visit_gaps
 from station.diagnosis.candidates.bank_columns import BankColumns, places, scattered
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.grid import RowLayout
@@ -46,7 +46,7 @@ class Candidate:
     """A cause, or a generic kernel, at one shape and level.
 
     name: effect id or the kernel's name; effect: at its shape, None for a kernel; of: level; code (v) and names of
-    the groups; columns at the stops, one object for all levels that share them; scale of the effect's sizes in this
+    the groups; columns at the visits, one object for all levels that share them; scale of the effect's sizes in this
     recipe; plain: the same without the columns that its covariate's error adds, if any;
     own: the effect of each group, where they differ in shape (`own_times.py`); axis_scale (a): how much larger each
     axis' coefficient usually is than the first one's, 1 where empty; stands_for: how many of its name, of which it is
@@ -59,7 +59,7 @@ class Candidate:
     pattern: Pattern
     code: NDArray[np.int32]
     names: tuple[str, ...]
-    columns: StopColumns
+    columns: CauseColumns
     scale: float = 1.0
     plain: "Candidate | None" = None
     own: tuple[Effect, ...] = ()
@@ -67,18 +67,18 @@ class Candidate:
     stands_for: int = 1
 
     @property
-    def stop(self) -> Floats:
-        """Columns (v, 3, a) of the stops' means."""
-        return self.columns.stop()
+    def visit(self) -> Floats:
+        """Columns (v, 3, a) of the visits' means."""
+        return self.columns.visit()
 
     @property
     def dwell(self) -> Floats | None:
-        """Columns (v, B−1, 3, a) of the contrasts, None of what stands still in a stop."""
+        """Columns (v, B−1, 3, a) of the contrasts, None of what stands still in a visit."""
         return self.columns.dwell()
 
     @property
     def moving(self) -> bool:
-        """Whether it changes within a stop."""
+        """Whether it changes within a visit."""
         return self.columns.moving is not None
 
     @property
@@ -114,7 +114,7 @@ class Candidate:
         if not self.axis_scale:
             return self
         scale, dwell = np.array(self.axis_scale), self.dwell
-        columns = StopColumns.of(self.stop * scale, None if dwell is None else dwell * scale)
+        columns = CauseColumns.of(self.visit * scale, None if dwell is None else dwell * scale)
         return replace(self, columns=columns, axis_scale=())
 
     @property
@@ -149,10 +149,10 @@ class Candidate:
         columns = None if chosen is None else len(chosen) * self.axes
         dwell = self.dwell
         inside = None if dwell is None else _by_group(dwell, code, groups)[..., :columns]
-        return layout.rows(_by_group(self.stop, code, groups)[..., :columns], inside)
+        return layout.rows(_by_group(self.visit, code, groups)[..., :columns], inside)
 
     def select_visits(self, chosen: NDArray[np.bool_]) -> "Candidate":
-        """The same at some of the stops."""
+        """The same at some of the visits."""
         # The plain one is for what is accepted in the end.
         return replace(self, code=self.code[chosen], columns=self.columns.select_visits(chosen))
 
@@ -162,11 +162,11 @@ def candidate_in_view(candidate: Candidate, view: ResidualView) -> Candidate:
     if candidate.effect is None:
         return candidate
     parts = [(view.signature(e, candidate.of), at[candidate.code]) for e, at in candidate.shapes.items()]
-    (stop, dwell), _ = parts[0]
+    (visit, dwell), _ = parts[0]
     for (other, _), rows in parts[1:]:
-        # Only what stands still during a stop has a shape of each group's own.
-        stop = np.where(rows[:, None, None], other, stop)
-    return replace(candidate, columns=StopColumns.of(stop, dwell))
+        # Only what stands still during a visit has a shape of each group's own.
+        visit = np.where(rows[:, None, None], other, visit)
+    return replace(candidate, columns=CauseColumns.of(visit, dwell))
 
 
 def _by_group(columns: Floats, code: NDArray[np.int32], groups: int) -> Floats:
@@ -193,7 +193,7 @@ def cause_library(recipe: Recipe) -> tuple[Effect, ...]:
 
 
 def _acts_on_means(effect: Effect, recipe: Recipe) -> bool:
-    """Whether a cause acts, and can be seen in the means of a stop's blocks."""
+    """Whether a cause acts, and can be seen in the means of a visit's blocks."""
     return (
         effect.id not in FLOOR_CAUSES
         and not _is_tone(effect)
@@ -207,7 +207,7 @@ def _is_tone(effect: Effect) -> bool:
 
 
 def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
-    """The effect at every value of its shape that is scanned; times of a jump are those between the stops."""
+    """The effect at every value of its shape that is scanned; times of a jump are those between the visits."""
     grid = {p.field: p.grid or (_thinned(candidate_jump_times(view)) if p.name == "at" else ()) for p in effect.forms}
     grid = {key: values for key, values in grid.items() if values}
     frequency = [p.field for p in effect.forms if p.name == "frequency" and view.reduced.ringing_hz]
@@ -222,7 +222,7 @@ def scanned_forms(effect: Effect, view: ResidualView) -> Iterator[Effect]:
 
 
 def candidate_jump_times(view: ResidualView) -> tuple[float, ...]:
-    """Times between the stops of the longest run, s from its start."""
+    """Times between the visits of the longest run, s from its start."""
     longest = max((rows for rows in view.scene.visits.run_slices()), key=lambda rows: rows.stop - rows.start)
     return tuple(float(x) for x in visit_gaps.middles(view, longest))
 
@@ -233,7 +233,7 @@ def _thinned(gaps: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def jump_times_between(view: ResidualView, low: float, high: float) -> tuple[float, ...]:
-    """Times between any two stops of any runs within bounds: from one to the next another stop is before the jump.
+    """Times between any two visits of any runs within bounds: from one to the next another visit is before the jump.
     Of a fleet's many, some."""
     middle = visit_gaps.middles(view, slice(None))
     near = middle[(middle > low) & (middle < high)]
@@ -255,7 +255,7 @@ def candidates(effect: Effect, view: ResidualView) -> list[Candidate]:
 
 def candidates_of_shape(shaped: Effect, view: ResidualView) -> list[Candidate]:
     """The cause at one shape, at every level."""
-    columns = StopColumns.in_bank(view, *view.signature(shaped))
+    columns = CauseColumns.in_bank(view, *view.signature(shaped))
     found = [_candidate(shaped, of, pattern, view, columns) for of, pattern in _levels(shaped, view)]
     return [with_covariate_error(_with_even_powers(c, view), view) for c in found]
 
@@ -265,10 +265,10 @@ def _with_even_powers(c: Candidate, view: ResidualView) -> Candidate:
     larger number than a degree, and its coefficient so much smaller."""
     if not isinstance(c.effect, TemperaturePolynomial) or c.effect.degree == 1:
         return c
-    length = np.sqrt(np.mean(c.stop**2, axis=(0, 1)).reshape(c.effect.degree, -1).sum(1))
+    length = np.sqrt(np.mean(c.visit**2, axis=(0, 1)).reshape(c.effect.degree, -1).sum(1))
     scale = np.repeat(length[0] / np.maximum(length, 1e-300), c.axes // c.effect.degree)
     plain = replace(c, axis_scale=tuple(float(x) for x in scale))
-    return replace(c, columns=StopColumns.in_bank(view, c.stop * scale), plain=plain)
+    return replace(c, columns=CauseColumns.in_bank(view, c.visit * scale), plain=plain)
 
 
 def with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
@@ -283,11 +283,11 @@ def with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
     first = np.full(view.grid.units, len(run))
     np.minimum.at(first, view.layout.unit, run)
     of_unit = run - first[view.layout.unit]
-    columns = [c.stop]
+    columns = [c.visit]
     for mode in modes.T:
         off = view.with_rate(mode).signature(c.effect, c.of)[0]
         columns += [off * (of_unit == r)[:, None, None] for r in range(int(of_unit.max()) + 1)]
-    return replace(c, columns=StopColumns.in_bank(view, np.concatenate(columns, axis=2)), plain=c)
+    return replace(c, columns=CauseColumns.in_bank(view, np.concatenate(columns, axis=2)), plain=c)
 
 
 def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
@@ -311,7 +311,7 @@ def _levels(effect: Effect, view: ResidualView) -> list[tuple[str, Pattern]]:
     return found
 
 
-def _candidate(effect: Effect, of: str, pattern: Pattern, view: ResidualView, columns: StopColumns) -> Candidate:
+def _candidate(effect: Effect, of: str, pattern: Pattern, view: ResidualView, columns: CauseColumns) -> Candidate:
     code, names = view.scene.group(of)
     scale = effect.parameter.scale(view.scene.recipe)
     return Candidate(effect.id, effect, of, pattern, code, names, columns, scale)
@@ -322,7 +322,7 @@ class Bank:
     """Candidates and their columns. Levels that group alike within a unit share their columns; a scan of single visits
     has none, as it needs none (`visit_scan.py`).
 
-    moving: whether the candidates change within a stop; codes (v) of each one's groups, and how many groups, within a
+    moving: whether the candidates change within a visit; codes (v) of each one's groups, and how many groups, within a
     unit; place of each among the columns; all_columns: of all units, None where they are laid out part by part.
     """
 
@@ -360,17 +360,17 @@ class Bank:
         made = self.made if made is None else made
         if self.all_columns is not None:
             return self.all_columns.of_units(units).only(places(made))
-        stops = layout.grid.part(units)[1]
-        stop = scattered(made, [m.columns.retained(layout.keep, stops) for m in made], stops)
+        visits = layout.grid.part(units)[1]
+        visit = scattered(made, [m.columns.retained(layout.keep, visits) for m in made], visits)
         if not self.moving:
-            return layout.columns(stop, None, units)
-        inside = [layout.scaled(dwell, stops) for m in made if (dwell := m.columns.dwell(stops)) is not None]
+            return layout.columns(visit, None, units)
+        inside = [layout.scaled(dwell, visits) for m in made if (dwell := m.columns.dwell(visits)) is not None]
         flat = [dwell.reshape(len(dwell), -1, dwell.shape[-1]) for dwell in inside]
-        return layout.columns(stop, scattered(made, flat, stops), units)
+        return layout.columns(visit, scattered(made, flat, visits), units)
 
 
 def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -> Bank:
-    """The candidates that move within a stop, or those that do not."""
+    """The candidates that move within a visit, or those that do not."""
     chosen = [c for c in items if c.moving == moving]
     levels = {(c.of, id(c.code)): c for c in chosen}
     local = {level: c.local_codes(layout) for level, c in levels.items()}
@@ -382,10 +382,10 @@ def build_bank(items: Sequence[Candidate], layout: RowLayout, *, moving: bool) -
 
 
 def _assemble_bank(items: Sequence[tuple[Candidate, NDArray[np.int32], int]], *, moving: bool) -> Bank:
-    """The bank of candidates, with the group of each stop within its unit and how many groups there are. Columns of one
-    width stand side by side."""
+    """The bank of candidates, with the group of each visit within its unit and how many groups there are. Columns of
+    one width stand side by side."""
     keys = [None if c.scans_visits else (id(c.columns), code.tobytes()) for c, code, _ in items]
-    widths: dict[tuple[int, bytes], tuple[int, StopColumns, NDArray[np.int32]]] = {}
+    widths: dict[tuple[int, bytes], tuple[int, CauseColumns, NDArray[np.int32]]] = {}
     for key, (c, code, groups) in zip(keys, items, strict=True):
         if key is not None:
             widths.setdefault(key, (groups * c.axes, c.columns, code))

@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.domain.core.types import Array, Floats
 
 
 class BankColumns(NamedTuple):
-    """Columns of the bank: those of one group, the group (v) of each stop within its unit, and where they stand."""
+    """Columns of the bank: those of one group, the group (v) of each visit within its unit, and where they stand."""
 
-    columns: StopColumns
+    columns: CauseColumns
     code: NDArray[np.int32]
     at: slice
 
@@ -30,8 +30,8 @@ def places(made: Sequence[BankColumns]) -> Array | slice:
     return slice(made[0].at.start, made[-1].at.stop) if beside else np.concatenate([np.r_[m.at] for m in made])
 
 
-def scattered(made: Sequence[BankColumns], parts: Sequence[Array], stops: slice) -> Floats:
-    """Columns (s, n, a) of each set as (s, n, C), those of each stop in the place of its group."""
+def scattered(made: Sequence[BankColumns], parts: Sequence[Array], visits: slice) -> Floats:
+    """Columns (s, n, a) of each set as (s, n, C), those of each visit in the place of its group."""
     ends = np.cumsum([0, *(m.at.stop - m.at.start for m in made)]).tolist()
     out = np.zeros((*parts[0].shape[:2], ends[-1]))
     row = np.arange(len(out))
@@ -42,5 +42,5 @@ def scattered(made: Sequence[BankColumns], parts: Sequence[Array], stops: slice)
             whole[...] = columns
             continue
         by_group = whole.reshape(*out.shape[:2], -1, m.columns.count)
-        by_group[row, :, m.code[stops]] = columns
+        by_group[row, :, m.code[visits]] = columns
     return out

@@ -67,19 +67,19 @@ class ColumnBlock(NamedTuple):
 
 def _axis_columns(made: Sequence[BankColumns], layout: RowLayout, units: slice) -> AxisColumns:
     """Columns as they are before a gain of each axis (`axis_gain`) is taken off."""
-    grid, stops = layout.grid.part(units)
-    parts = [m.columns.on_their_axes(stops) for m in made]
+    grid, visits = layout.grid.part(units)
+    parts = [m.columns.on_their_axes(visits) for m in made]
     if all(m.groups == 1 for m in made):
         values = np.concatenate(parts, axis=1, dtype=float)[:, None]
     else:
-        values = scattered(made, [part[:, None] for part in parts], stops)
+        values = scattered(made, [part[:, None] for part in parts], visits)
     axes = np.concatenate([m.columns.axis for m in made for _ in range(m.groups)])
     return AxisColumns(VisitGrid(grid.slot, 1).spread(values), axes)
 
 
 def column_blocks(bank: Bank, layout: RowLayout, *, whole: bool) -> list[ColumnBlock]:
     """The columns of a bank by width; `whole`: as the bank has them, in its order."""
-    runs, plain = _run_of_stop(layout.grid), whole or bank.moving
+    runs, plain = _run_of_visit(layout.grid), whole or bank.moving
     separate = not plain and layout.keeps_axes_apart
     of_shape: dict[tuple[int, bool, tuple[range, ...]], list[BankColumns]] = {}
     for m in bank.made:
@@ -133,8 +133,8 @@ def _block(
     return ColumnBlock(made, width, by_run, axes, tuple(kinds))
 
 
-def _run_of_stop(grid: VisitGrid) -> NDArray[np.intp]:
-    """The run (v) within its unit that each stop is in."""
+def _run_of_visit(grid: VisitGrid) -> NDArray[np.intp]:
+    """The run (v) within its unit that each visit is in."""
     there = grid.slot >= 0
     runs = np.empty(int(np.count_nonzero(there)), np.intp)
     runs[grid.slot[there]] = np.nonzero(there)[1]

@@ -1,4 +1,4 @@
-"""Columns of a cause at the stops, stored without their zeros and each course once: most columns move a single axis,
+"""Columns of a cause at the visits, stored without their zeros and each course once: most columns move a single axis,
 and many move each axis alike. Those of a large fleet's bank are held in single precision. Of a column that a known
 column follows, that leaves a share of 10⁻¹⁵ of its squares, a hundredth of what counts as zero."""
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Array, Floats
 
-#: All stops.
-ALL_STOPS = slice(None)
-#: Stops above which a bank's columns are held in single precision.
-MANY_STOPS = 1 << 12
+#: All visits.
+ALL_VISITS = slice(None)
+#: Visits above which a bank's columns are held in single precision.
+MANY_VISITS = 1 << 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StopColumns:
-    """Columns of the stops' means (v, 3, a), and of the contrasts (v, B−1, 3, a) where they change within a stop.
+class CauseColumns:
+    """Columns of the visits' means (v, 3, a), and of the contrasts (v, B−1, 3, a) where they change within a visit.
 
-    axis, column (n): where a column is not zero at some stop; course (n) which of the courses stands there; still
+    axis, column (n): where a column is not zero at some visit; course (n) which of the courses stands there; still
     (v, f) and moving (v, B−1, f) the courses, the latter None where nothing moves; count: a; on_one_axis: whether each
     column moves exactly one axis.
     """
@@ -35,18 +35,18 @@ class StopColumns:
     on_one_axis: bool
 
     @staticmethod
-    def in_bank(view: ResidualView, stop: Floats, dwell: Floats | None = None) -> "StopColumns":
+    def in_bank(view: ResidualView, visit: Floats, dwell: Floats | None = None) -> "CauseColumns":
         """The same for a bank; in full where only lengths are kept, beside which most of a column is lost."""
-        columns = StopColumns.of(stop, dwell)
-        if len(stop) <= MANY_STOPS or view.grid.k != 3:
+        columns = CauseColumns.of(visit, dwell)
+        if len(visit) <= MANY_VISITS or view.grid.k != 3:
             return columns
         moving = None if columns.moving is None else columns.moving.astype(np.float32)
         return replace(columns, still=columns.still.astype(np.float32), moving=moving)
 
     @staticmethod
-    def of(stop: Floats, dwell: Floats | None = None) -> "StopColumns":
+    def of(visit: Floats, dwell: Floats | None = None) -> "CauseColumns":
         """From whole columns."""
-        by_column = np.ascontiguousarray(stop.T)
+        by_column = np.ascontiguousarray(visit.T)
         there = by_column.any(axis=2)
         if dwell is not None:
             there = there | np.any(dwell, axis=(0, 1)).T
@@ -61,11 +61,11 @@ class StopColumns:
         first = [course.index(f) for f in range(len(found))]
         moving = None if dwell is None else dwell[..., axis[first], column[first]]
         still = np.ascontiguousarray(by_column[column[first], axis[first]].T)
-        alone = np.array_equal(column, np.arange(stop.shape[2]))
-        return StopColumns(axis, column, np.array(course, np.intp), still, moving, stop.shape[2], alone)
+        alone = np.array_equal(column, np.arange(visit.shape[2]))
+        return CauseColumns(axis, column, np.array(course, np.intp), still, moving, visit.shape[2], alone)
 
     @staticmethod
-    def by_axis(parts: Sequence[Floats]) -> "StopColumns":
+    def by_axis(parts: Sequence[Floats]) -> "CauseColumns":
         """From functions (v, 3) of each axis, of which each is a column on that axis alone."""
         found: dict[bytes, int] = {}
         courses, course, axis, column = list[Floats](), list[int](), list[int](), list[int]()
@@ -77,28 +77,28 @@ class StopColumns:
                     course, axis, column = [*course, place], [*axis, i], [*column, 3 * p + i]
         still = np.stack(courses, axis=1) if courses else np.zeros((len(parts[0]), 0))
         axes, columns, of_course = (np.array(x, np.intp) for x in (axis, column, course))
-        return StopColumns(axes, columns, of_course, still, None, 3 * len(parts), len(column) == 3 * len(parts))
+        return CauseColumns(axes, columns, of_course, still, None, 3 * len(parts), len(column) == 3 * len(parts))
 
-    def stop(self, stops: slice = ALL_STOPS) -> Floats:
-        """Whole columns of some stops' means (v, 3, a)."""
-        return self._whole(self.still[stops])
+    def visit(self, visits: slice = ALL_VISITS) -> Floats:
+        """Whole columns of some visits' means (v, 3, a)."""
+        return self._whole(self.still[visits])
 
-    def dwell(self, stops: slice = ALL_STOPS) -> Floats | None:
+    def dwell(self, visits: slice = ALL_VISITS) -> Floats | None:
         """Those of their contrasts (v, B−1, 3, a), if there are any."""
-        return None if self.moving is None else self._whole(self.moving[stops])
+        return None if self.moving is None else self._whole(self.moving[visits])
 
-    def retained(self, keep: Floats, stops: slice = ALL_STOPS) -> Floats:
-        """What `keep` (v, k, 3) of all stops leaves of some stops' means (v, k, a)."""
+    def retained(self, keep: Floats, visits: slice = ALL_VISITS) -> Floats:
+        """What `keep` (v, k, 3) of all visits leaves of some visits' means (v, k, a)."""
         if not self.on_one_axis:
-            return np.asarray(keep[stops] @ self.stop(stops))
-        return np.asarray(keep[stops].take(self.axis, axis=2) * self.still[stops].take(self.course, axis=1)[:, None])
+            return np.asarray(keep[visits] @ self.visit(visits))
+        return np.asarray(keep[visits].take(self.axis, axis=2) * self.still[visits].take(self.course, axis=1)[:, None])
 
-    def on_their_axes(self, stops: slice = ALL_STOPS) -> Array:
-        """Of columns that move one axis each their values there at some stops (v, a)."""
-        return self.still[stops].take(self.course, axis=1)
+    def on_their_axes(self, visits: slice = ALL_VISITS) -> Array:
+        """Of columns that move one axis each their values there at some visits (v, a)."""
+        return self.still[visits].take(self.course, axis=1)
 
-    def select_visits(self, chosen: Array) -> "StopColumns":
-        """The same at some of the stops."""
+    def select_visits(self, chosen: Array) -> "CauseColumns":
+        """The same at some of the visits."""
         return replace(self, still=self.still[chosen], moving=None if self.moving is None else self.moving[chosen])
 
     def _whole(self, values: Array) -> Floats:

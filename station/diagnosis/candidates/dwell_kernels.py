@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.kernel_columns import (
     each_axis,
     kernel,
@@ -27,7 +27,7 @@ FADING_KERNEL, FADE_SHARE = "dwell-phase/fading", 0.25
 
 
 def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
-    """Any course within the dwell, the same at each stop or in proportion to the last move or the input; and what
+    """Any course within the dwell, the same at each visit or in proportion to the last move or the input; and what
     fades, in proportion to a slow covariate, the drive, the product of two of them, or the path of the move."""
     count = view.reduced.count
     if view.reduced.contrast.shape[1] == 0 or not np.any(count[:, 1:]):
@@ -52,7 +52,7 @@ def _kernels(name: str, courses: Floats, sizes: Iterable[Floats], view: Residual
     for size in sizes:
         still = np.einsum("vp,vif->vipf", mean, size).reshape(len(size), 3, -1)
         moving = np.einsum("vbp,vif->vbipf", contrast, size).reshape(*contrast.shape[:2], 3, -1)
-        columns = StopColumns.in_bank(view, still, moving)
+        columns = CauseColumns.in_bank(view, still, moving)
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel(name, of, view, columns)
 

@@ -6,21 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.evidence import Pattern
 from station.domain.core.types import Array, Floats
 from station.model.effects.nest_tilt import NestTilt
 
 
-def kernel(name: str, of: str, view: ResidualView, columns: StopColumns) -> Candidate:
+def kernel(name: str, of: str, view: ResidualView, columns: CauseColumns) -> Candidate:
     """A kernel shared at one of the scene's levels."""
     code, names = view.scene.group(of)
     return grouped_kernel(name, of, code, names, columns)
 
 
 def grouped_kernel(
-    name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...], columns: StopColumns
+    name: str, of: str, code: NDArray[np.int32], names: tuple[str, ...], columns: CauseColumns
 ) -> Candidate:
     """A kernel shared by groups (v) of the visits."""
     pattern: Pattern = "own" if of in PER_UNIT_LEVELS else "shared"
@@ -29,7 +29,7 @@ def grouped_kernel(
 
 def kernels_at(view: ResidualView, name: str, columns: Floats, *levels: str) -> Iterator[Candidate]:
     """A kernel of columns (v, 3, c) at each of those levels that differ in these data."""
-    packed = StopColumns.in_bank(view, columns)
+    packed = CauseColumns.in_bank(view, columns)
     yield from (kernel(name, of, view, packed) for of in levels_that_differ(view, *levels))
 
 
@@ -60,7 +60,7 @@ def packed_codes(code: Array) -> tuple[NDArray[np.int32], tuple[str, ...]]:
 
 
 def steps_before(view: ResidualView, a: Floats) -> Floats:
-    """By how much what each axis feels (v, 3) was another at the stop before."""
+    """By how much what each axis feels (v, 3) was another at the visit before."""
     previous = view.scene.visits.previous
     return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
 
@@ -71,9 +71,9 @@ def scaled(values: Floats) -> Floats:
     return np.asarray(2 * (values - low) / max(high - low, 1e-300) - 1)
 
 
-def ones(view: ResidualView) -> StopColumns:
+def ones(view: ResidualView) -> CauseColumns:
     """Anything on each axis."""
-    return StopColumns.in_bank(view, np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
+    return CauseColumns.in_bank(view, np.broadcast_to(np.eye(3), (len(view.reduced.mean), 3, 3)))
 
 
 def turns_of_nests(view: ResidualView) -> Iterator[Floats]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.dwell_kernels import dwell_kernels
 from station.diagnosis.candidates.input_kernels import functions_of_input, products_of_other_axes
 from station.diagnosis.candidates.kernel_columns import (
@@ -149,19 +149,19 @@ def _changing_rig(view: ResidualView) -> Iterator[Candidate]:
         if name != "motor":
             # In the nest's frame, as what turns with it, and in the device's, as what is read of it.
             for frame in (moved, np.eye(3))[: 1 + turned]:
-                yield kernel(f"{name}*position", "position", view, StopColumns.in_bank(view, frame * x))
+                yield kernel(f"{name}*position", "position", view, CauseColumns.in_bank(view, frame * x))
 
 
 def _time(view: ResidualView) -> Iterator[Candidate]:
     """Waves over the run, slow and fast."""
     share = _shares_of_run(view)
     for waves in HALF_WAVES:
-        columns = StopColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
+        columns = CauseColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * np.array(waves))))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time", of, view, columns)
     # Some swings in a run, with any phase: few numbers, where a run has few visits.
     for swing in _swings(view):
-        columns = StopColumns.in_bank(view, each_axis(np.concatenate(swing, axis=1)))
+        columns = CauseColumns.in_bank(view, each_axis(np.concatenate(swing, axis=1)))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time", of, view, columns)
     # What fades in each run from another size: a hand's heat, a part that came in cold.
@@ -195,7 +195,7 @@ def _campaign(view: ResidualView) -> Iterator[Candidate]:
     own = (clock - first[unit]) / np.maximum(last - first, 1e-9)[unit]
     for of, share in (("unit", own), ("common", (clock - clock.min()) / max(float(np.ptp(clock)), 1e-9))):
         yield kernel(
-            "time", of, view, StopColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * CAMPAIGN_WAVES)))
+            "time", of, view, CauseColumns.in_bank(view, each_axis(np.cos(np.pi * share[:, None] * CAMPAIGN_WAVES)))
         )
 
 
@@ -226,13 +226,13 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
     places = len(visits.position.names)
     yield kernel("position", "position", view, ones(view))
     if np.ptp(visits.seat_R, axis=0).max(initial=0.0) > 1e-6:
-        yield kernel("position", "position", view, StopColumns.in_bank(view, visits.seat_R.transpose(0, 2, 1)))
+        yield kernel("position", "position", view, CauseColumns.in_bank(view, visits.seat_R.transpose(0, 2, 1)))
     nest, nests = view.scene.group("nest")
     code, names = packed_codes(nest * places + visits.position.code)
     # Where a nest has met a position once, a visit that is wrong is the same.
     if len(nests) > 1 and np.bincount(code).min() > 1:
         for turn in turns_of_nests(view):
-            yield grouped_kernel("position", "nest-position", code, names, StopColumns.in_bank(view, turn))
+            yield grouped_kernel("position", "nest-position", code, names, CauseColumns.in_bank(view, turn))
     if view.grid.units > 1:
         code = visits.unit.code * places + visits.position.code
         yield grouped_kernel("position", "unit-position", *packed_codes(code), ones(view))
@@ -253,7 +253,7 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
     others = np.concatenate([own_axis(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
     for columns in (
         ones(view),
-        *(StopColumns.in_bank(view, x) for x in (own_axis(a), others, *turns_of_nests(view))),
+        *(CauseColumns.in_bank(view, x) for x in (own_axis(a), others, *turns_of_nests(view))),
     ):
         yield kernel("unit", "run", view, columns)
 
@@ -262,13 +262,15 @@ def _group(view: ResidualView) -> Iterator[Candidate]:
     """Another offset and another matrix for each station, nest, lot and operator; where a gold is the truth, which may
     stand elsewhere, another turn of each nest."""
     a = view.stimulus
-    matrix = StopColumns.in_bank(view, np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
+    matrix = CauseColumns.in_bank(view, np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
             yield kernel("group", of, view, ones(view))
             yield kernel("group", of, view, matrix)
             if of == "nest" and view.scene.is_recorded("gold"):
-                yield from (kernel("group", of, view, StopColumns.in_bank(view, turn)) for turn in turns_of_nests(view))
+                yield from (
+                    kernel("group", of, view, CauseColumns.in_bank(view, turn)) for turn in turns_of_nests(view)
+                )
 
 
 def _motor(view: ResidualView) -> Iterator[Candidate]:
@@ -277,7 +279,7 @@ def _motor(view: ResidualView) -> Iterator[Candidate]:
     if motor is None or not np.ptp(motor):
         return
     for degree in (3, 7):
-        columns = StopColumns.in_bank(view, each_axis(legendre.legvander(scaled(motor), degree)[:, 1:]))
+        columns = CauseColumns.in_bank(view, each_axis(legendre.legvander(scaled(motor), degree)[:, 1:]))
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel("motor", of, view, columns)
 
@@ -292,7 +294,7 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             # (v, 3, functions of the one, functions of the other)
             both = factor[one][:, :, :bends, None] * factor[two][:, :, None, :bends]
             functions = both.reshape(len(both), 3, -1)
-            columns = StopColumns.in_bank(
+            columns = CauseColumns.in_bank(
                 view, np.einsum("ij,vif->vifj", np.eye(3), functions).reshape(len(both), 3, -1)
             )
             for of in levels_that_differ(view, "unit", "common") if bends == 1 else ("unit",):
@@ -302,7 +304,7 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
             # What each axis takes of any, of the product of the two others, or of its own with them.
             for forms in (each_axis(a), *products_of_other_axes(a)):
-                columns = StopColumns.in_bank(view, forms * factor[one][:, :, :1])
+                columns = CauseColumns.in_bank(view, forms * factor[one][:, :, :1])
                 for of in levels_that_differ(view, "unit", "common"):
                     yield kernel(name, of, view, columns)
 
@@ -311,14 +313,14 @@ def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
     """A gain that swings in time, with any phase."""
     a = view.stimulus
     for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
-        columns = StopColumns.in_bank(view, np.concatenate([own_axis(a * wave) for wave in swing], axis=2))
+        columns = CauseColumns.in_bank(view, np.concatenate([own_axis(a * wave) for wave in swing], axis=2))
         for of in levels_that_differ(view, "run", "unit", "common"):
             yield kernel("time*input", of, view, columns)
 
 
 def _factors(view: ResidualView) -> dict[str, Floats]:
     """Functions (v, 3, f) of each covariate that varies, for each axis: Legendre's first two, or what an axis feels
-    now and by how much that is another than at the stop before."""
+    now and by how much that is another than at the visit before."""
     scene = view.scene
     a = view.stimulus
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
@@ -343,4 +345,4 @@ def disturbed_readings(view: ResidualView) -> list[Candidate]:
     anything = np.broadcast_to(np.eye(3), (len(code), 3, 3)).copy()
     if view.grid.k == 1:
         anything = view.keep.transpose(0, 2, 1) / np.sum(view.keep**2, axis=2, keepdims=True)
-    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, StopColumns.in_bank(view, anything))]
+    return [Candidate(DisturbedVisit.id, None, "visit", "scan", code, names, CauseColumns.in_bank(view, anything))]

@@ -32,7 +32,7 @@ MAX_LEVELS = 24
 KNEES = (0.2, 0.35, 0.5, 0.7)
 #: Half waves from no input to the whole, in steps that none falls between.
 HALF_WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
-#: A step from the stop before that is taken up by play, as a share of the stimulus.
+#: A step from the visit before that is taken up by play, as a share of the stimulus.
 PLAY = 0.3
 #: Shares of what one visit left that the next one keeps; the chord of a long move, as a share of the stimulus.
 KEPT, LONG_MOVE = (0.4, 0.7), 1.5
@@ -70,13 +70,13 @@ def laws_of_view(view: ResidualView) -> Iterator[Law]:
 
 
 def _stimulus(view: ResidualView) -> Floats:
-    """What each axis feels at each stop (v, 3), as a share of the most."""
+    """What each axis feels at each visit (v, 3), as a share of the most."""
     a = view.stimulus
     return np.asarray(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300))
 
 
 def steps_of_stimulus(view: ResidualView) -> Floats:
-    """By how much it was another at the stop before (v, 3)."""
+    """By how much it was another at the visit before (v, 3)."""
     a, previous = _stimulus(view), view.scene.visits.previous
     return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
 
@@ -242,7 +242,7 @@ def _gains(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
 
 
 def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator[Law]:
-    """What bends the input or follows the previous stop, times a covariate."""
+    """What bends the input or follows the previous visit, times a covariate."""
     for name, of in curves.items():
         x = on_every_axis(of.plain)
         yield from ((f"{name}*input", (x * form,)) for form in (a**2, np.abs(a), a**3))
@@ -288,7 +288,7 @@ def _side(a: Floats) -> Floats:
 
 
 def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
-    """What follows the step from the previous stop other than in proportion."""
+    """What follows the step from the previous visit other than in proportion."""
     size, way = np.abs(step), _side(step)
     yield from (("order*input", (form * step,)) for form in (np.abs(a), a**2, a))
     yield from (

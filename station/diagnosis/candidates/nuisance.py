@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidate_in_view
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
@@ -105,8 +105,8 @@ def nuisance_of(
 ) -> tuple[NuisanceColumns, tuple[CoefficientIndex, ...]]:
     """Calibration and accepted causes as known columns, and where each cause's coefficients stand."""
     calibration = view.rows(view.calibration(matrix), None)
-    units, p = view.grid.units, calibration.stop.shape[-1]
-    own, shared = [calibration], [DataColumns(calibration.stop[..., :0])]
+    units, p = view.grid.units, calibration.visit.shape[-1]
+    own, shared = [calibration], [DataColumns(calibration.visit[..., :0])]
     precision, target = np.zeros((units, p)), np.zeros((units, p))
     common_precision, common_target = np.zeros(0), np.zeros(0)
     places: list[CoefficientIndex] = []
@@ -114,7 +114,7 @@ def nuisance_of(
         rows, place = accepted_columns(item, view.layout)
         weight, about = 1 / item.std**2, item.mean - item.coefficient
         if place.own:
-            width = rows.stop.shape[-1]
+            width = rows.visit.shape[-1]
             places.append(replace(place, column=np.where(place.column >= 0, place.column + precision.shape[1], -1)))
             precision = np.concatenate([precision, _scatter_columns(weight, place, units, width)], axis=1)
             target = np.concatenate([target, _scatter_columns(about, place, units, width)], axis=1)
@@ -127,7 +127,7 @@ def nuisance_of(
             shared.append(rows)
     for rows in _covariate_error_columns(view, accepted):
         own.append(rows)
-        width = rows.stop.shape[-1]
+        width = rows.visit.shape[-1]
         precision, target = (
             np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, 1), (target, 0))
         )
@@ -146,9 +146,9 @@ def _covariate_error_columns(view: ResidualView, accepted: tuple[AcceptedCause, 
     """The errors of the accepted causes due to errors of their covariates, for each run of a unit separately."""
     code, names = view.scene.group("run")
     for acting in (acting for item in accepted for acting in item.active_effects().values()):
-        stop = view.covariate_error(acting)
-        if stop is not None:
-            yield Candidate("blur", None, "run", "own", code, names, StopColumns.of(stop)).rows(view.layout)
+        visit = view.covariate_error(acting)
+        if visit is not None:
+            yield Candidate("blur", None, "run", "own", code, names, CauseColumns.of(visit)).rows(view.layout)
 
 
 def accepted_columns(item: AcceptedCause, layout: RowLayout) -> tuple[DataColumns, CoefficientIndex]:
@@ -173,11 +173,11 @@ def accepted_columns(item: AcceptedCause, layout: RowLayout) -> tuple[DataColumn
 
 def _zero_inactive(rows: DataColumns, unit: NDArray[np.intp], column: NDArray[np.intp]) -> DataColumns:
     """Columns set to zero in units where their group does not act."""
-    acts = np.zeros((rows.stop.shape[0], rows.stop.shape[-1]))
+    acts = np.zeros((rows.visit.shape[0], rows.visit.shape[-1]))
     on = column >= 0
     acts[np.broadcast_to(unit[:, None], column.shape)[on], column[on]] = 1.0
     dwell = None if rows.dwell is None else rows.dwell * acts[:, None, :]
-    return DataColumns(rows.stop * acts[:, None, None, :], dwell)
+    return DataColumns(rows.visit * acts[:, None, None, :], dwell)
 
 
 def _scatter_columns(values: Floats, place: CoefficientIndex, units: int, width: int) -> Floats:

@@ -133,7 +133,7 @@ class PartOfSpace(NamedTuple):
         """Columns, each as a row of white numbers (U, C, M)."""
         covariance, dwell = self.space.covariance, self.space.dwell
         if isinstance(rows, DataColumns):
-            U, R, m, C = rows.stop.shape
+            U, R, m, C = rows.visit.shape
             white = np.empty((U, C, R * m + dwell))
             covariance.whiten(rows, dwell, out=white.swapaxes(1, 2))
             return white

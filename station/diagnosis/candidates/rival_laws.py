@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidates
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.kernel_columns import packed_codes
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.law_forms import (
@@ -80,7 +80,7 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
 def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:
     """Laws as candidates, shared at each of some levels."""
     for covariates, parts in laws:
-        packed = StopColumns.by_axis(parts)
+        packed = CauseColumns.by_axis(parts)
         if not np.any(packed.still != packed.still[:1]):
             continue
         for of in levels:
@@ -106,12 +106,12 @@ def _tilts(view: ResidualView) -> Iterator[Candidate]:
     curves, weight, turns = dict(curves_by_covariate(view)), _weight_in_nest(view), list(functions_of_turns(view))
     for one in candidates(tilt, view):
         for x in turns:
-            yield _law_of(one, "order*input", StopColumns.of(one.stop * x[:, None, None]))
+            yield _law_of(one, "order*input", CauseColumns.of(one.visit * x[:, None, None]))
         for x in weight:
-            yield _law_of(one, "position*input", StopColumns.of(one.stop * x[:, None, None]))
+            yield _law_of(one, "position*input", CauseColumns.of(one.visit * x[:, None, None]))
         for name, of in curves.items():
             for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]):
-                yield _law_of(one, f"{name}*input", StopColumns.of(one.stop * x[:, None, None]))
+                yield _law_of(one, f"{name}*input", CauseColumns.of(one.visit * x[:, None, None]))
 
 
 def _weight_in_nest(view: ResidualView) -> list[Floats]:
@@ -154,11 +154,11 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
     """A cause that varies with a covariate: a course within the dwells that does, or grows with the move before it; and
     whatever is constant within a dwell, at first of one size."""
     curves = [(name, of.plain) for name, of in curves_by_covariate(view)]
-    stop, dwell = cause.stop, cause.dwell
+    visit, dwell = cause.visit, cause.dwell
     if dwell is not None:
         size = np.linalg.norm(steps_of_stimulus(view), axis=1)
         for name, x in (*curves, ("order", size)):
-            changed = StopColumns.of(stop * x[:, None, None], dwell * x[:, None, None, None])
+            changed = CauseColumns.of(visit * x[:, None, None], dwell * x[:, None, None, None])
             law = _law_of(cause, f"dwell-phase*{name}", changed)
             yield from _of_each(law, view)
     elif cause.effect is not None and cause.pattern != "scan":
@@ -167,10 +167,10 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
         for name, x in (*curves, *(("time", x) for x in fades_of_campaign(view))):
             if name == word == "temperature":
                 continue
-            alone, also = (stop * of[:, None, None] for of in _within_groups(cause, x))
+            alone, also = (visit * of[:, None, None] for of in _within_groups(cause, x))
             both = "*".join(dict.fromkeys((name, word)))
-            yield _law_of(cause, both, StopColumns.of(alone))
-            yield _law_of(cause, both, StopColumns.of(np.concatenate([stop, also], axis=2)))
+            yield _law_of(cause, both, CauseColumns.of(alone))
+            yield _law_of(cause, both, CauseColumns.of(np.concatenate([visit, also], axis=2)))
         yield from _of_groups(cause, cause.effect, view)
 
 
@@ -220,8 +220,8 @@ def laws_within_dwells(cause: Candidate, view: ResidualView) -> list[Candidate]:
     late = np.linspace(1.0, 0.0, count.shape[1]) ** 2
     word, found = f"dwell-phase*{acts_by(cause.effect)}", list[Candidate]()
     for begun in (1.0, *DWELL_BEGUN):
-        rows = cause.stop[:, None] * (1.0 - (1.0 - begun) * late)[:, None, None]
-        law = _law_of(cause, word, StopColumns.of(*mean_and_contrasts(rows, count)))
+        rows = cause.visit[:, None] * (1.0 - (1.0 - begun) * late)[:, None, None]
+        law = _law_of(cause, word, CauseColumns.of(*mean_and_contrasts(rows, count)))
         found.append(replace(law, name=f"{law.name}/{begun:g}"))
     return found
 
@@ -256,7 +256,7 @@ def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list
         yield together, [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(laws)]
 
 
-def _law_of(cause: Candidate, word: str, columns: StopColumns) -> Candidate:
+def _law_of(cause: Candidate, word: str, columns: CauseColumns) -> Candidate:
     """Columns as a law with the groups of a cause."""
     name = f"{PREFIX}{word}/{cause.of}"
     return replace(cause, name=name, effect=None, columns=columns, plain=None, own=(), axis_scale=())

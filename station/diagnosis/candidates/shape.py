@@ -13,7 +13,7 @@ from station.diagnosis.candidates.bank import (
     candidate_jump_times,
     jump_times_between,
 )
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.projection import ResidualSpace
@@ -92,7 +92,7 @@ def with_form_value(candidate: Candidate, field: str, value: float, view: Residu
 
 def with_form(candidate: Candidate, effect: Effect, view: ResidualView) -> Candidate:
     """The candidate at another shape."""
-    return replace(candidate, effect=effect, columns=StopColumns.of(*view.signature(effect, candidate.of)))
+    return replace(candidate, effect=effect, columns=CauseColumns.of(*view.signature(effect, candidate.of)))
 
 
 def tune_form(
@@ -119,7 +119,7 @@ def has_jump(effect: Effect | None) -> bool:
 
 
 def refine_jump_time(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
-    """The candidate with the best nearby time of its jump: the bank tries only gaps between the stops of the longest
+    """The candidate with the best nearby time of its jump: the bank tries only gaps between the visits of the longest
     run, and may leave some out."""
     gaps = candidate_jump_times(view)
     i = min(range(len(gaps)), key=lambda k: abs(gaps[k] - candidate.effect.at_s))  # type: ignore[union-attr]

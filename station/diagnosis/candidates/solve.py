@@ -22,7 +22,7 @@ class WhiteRows:
     own: Floats
     shared: Floats
     data: Floats
-    stops: int
+    visits: int
     dwell: int
 
     def residual(self, solved: "NuisanceSolution") -> Floats:
@@ -62,7 +62,7 @@ def whitened(covariance: FloorCovariance, known: NuisanceColumns, readings: Data
 
 def with_priors(white: WhiteRows, known: NuisanceColumns) -> WhiteRows:
     """The same rows with the priors of `known`, whose columns are the same."""
-    measured = [x[:, : white.stops + white.dwell] for x in (white.own, white.shared, white.data[..., None])]
+    measured = [x[:, : white.visits + white.dwell] for x in (white.own, white.shared, white.data[..., None])]
     own, shared, data = (np.concatenate(pair, axis=1) for pair in zip(measured, prior_rows(known), strict=True))
     return replace(white, own=own, shared=shared, data=data[..., 0])
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from station.diagnosis.candidates.bank import Candidate
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.kernel_columns import each_axis, kernel, kernels_at, levels_that_differ, scaled
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
 from station.diagnosis.data.residuals import ResidualView
@@ -37,7 +37,7 @@ def _curves(view: ResidualView) -> Iterator[Candidate]:
         return
     # A bend or two of what a straight line leaves, or any curve.
     for degree in (3, 6):
-        columns = StopColumns.in_bank(view, each_axis(legendre.legvander(scaled(T), degree)[:, 1:]))
+        columns = CauseColumns.in_bank(view, each_axis(legendre.legvander(scaled(T), degree)[:, 1:]))
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel("temperature", of, view, columns)
     for cycles in RIPPLES:
@@ -51,7 +51,7 @@ def _curves(view: ResidualView) -> Iterator[Candidate]:
         # What lags behind it, or is on another branch while it rises.
         branches = [memory.branch(PLAY, start) for start in (-1.0, 1.0)]
         functions = np.stack([(T - memory.lagged(LAG)) / memory.range_degC, *branches], axis=1)
-        columns = StopColumns.in_bank(view, each_axis(functions))
+        columns = CauseColumns.in_bank(view, each_axis(functions))
         for of in levels_that_differ(view, "unit", "common"):
             yield kernel("temperature", of, view, columns)
 

@@ -46,8 +46,8 @@ class VisitColumns:
 def visit_columns(bank: Bank, i: int, layout: RowLayout, units: slice) -> VisitColumns:
     """The columns of a scan of a bank for some units."""
     candidate, code = bank.candidates[i], bank.codes[i]
-    grid, stops = layout.grid.part(units)
-    retained, code = candidate.columns.retained(layout.keep, stops), code[stops]
+    grid, visits = layout.grid.part(units)
+    retained, code = candidate.columns.retained(layout.keep, visits), code[visits]
     slot = grid.slot.reshape(grid.units, -1)
     unit, at = np.nonzero(slot >= 0)
     visit = slot[unit, at]
@@ -60,8 +60,8 @@ def visit_columns(bank: Bank, i: int, layout: RowLayout, units: slice) -> VisitC
 def passed_back(runs: RunFilter, rows: Array, k: int) -> Array:
     """L⁻ᵀ times the visits' rows of data (U, M, n): (U, R·V, k, n)."""
     U, R = runs.member.shape
-    stops = rows[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
-    return runs.transposed(stops).reshape(U, R * runs.rows // k, k, -1)
+    visits = rows[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
+    return runs.transposed(visits).reshape(U, R * runs.rows // k, k, -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -32,12 +32,12 @@ FURTHEST = 4.0
 def pieces_of_dwells(reading: Floats, visit: NDArray[np.intp]) -> Array:
     """Means (v, PIECES, 3) of equal pieces of each dwell, in single precision, about their mean; zero of dwells that
     are short, or where the samples (n) are not in the order of the visits."""
-    stops = int(visit.max()) + 1 if len(visit) else 0
+    visits = int(visit.max()) + 1 if len(visit) else 0
     first = np.flatnonzero(np.diff(visit, prepend=-1))
-    found = np.zeros((stops, PIECES, 3), np.float32)
+    found = np.zeros((visits, PIECES, 3), np.float32)
     count = np.diff(np.append(first, len(visit)))
     long = count >= PIECES
-    if len(first) != stops or not long.any():
+    if len(first) != visits or not long.any():
         return found
     # As many samples in each piece, half of them from the first one on, half of them up to the last.
     each, back = count[long, None] // PIECES, np.arange(PIECES // 2, 0, -1)

@@ -3,7 +3,7 @@ from late ones; readings differenced before sampling hardly move the contrasts, 
 directions.
 
 The noise is what remains after subtracting the courses within the dwell that each run of a unit has: one common to all
-its stops and one in proportion to the last move; then those of all runs whose size follows time, temperature or drive.
+its visits and one in proportion to the last move; then those of all runs whose size follows time, temperature or drive.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from station.diagnosis.data.visit_noise import (
 from station.domain.core.types import Array, Floats
 from station.model.scene import Scene
 
-#: Standard deviations beyond which no chance takes a contrast, and one in how many stops may be so far off alone.
+#: Standard deviations beyond which no chance takes a contrast, and one in how many visits may be so far off alone.
 LONE_BUMP, LONE_OF = 5.0, 20
 #: Degrees of freedom that are left of a contrast, at the least, for its noise to be known, of all axes together or of
 #: one; and those that each axis must have.
@@ -32,8 +32,8 @@ SQUARES_LOG_VARIANCE = 2.4
 
 
 def without_bumps(contrast: Floats, sigma: Floats) -> Floats:
-    """Contrasts (v, B−1, 3) where a stop that was bumped, as hardly any other was, is limited to what the rest may
-    show; sigma (3): noise of a sample. What many stops show is a course, and stays."""
+    """Contrasts (v, B−1, 3) where a visit that was bumped, as hardly any other was, is limited to what the rest may
+    show; sigma (3): noise of a sample. What many visits show is a course, and stays."""
     if contrast.size == 0 or np.any(sigma <= 0):
         return contrast
     usual = np.maximum(np.median(np.abs(contrast), axis=0) / MAD_PER_SIGMA, sigma)
@@ -85,7 +85,7 @@ class ContrastNoise:
 
 
 def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) -> ContrastNoise:
-    """The noise of contrasts (v, B−1, 3) of stops with means (v, 3), given sigma (3), the noise of a sample of each
+    """The noise of contrasts (v, B−1, 3) of visits with means (v, 3), given sigma (3), the noise of a sample of each
     axis. It is shrunk towards sigma as far as chance makes it differ (James and Stein): contrasts of all axes together
     first, then each axis; correlations of two contrasts are shrunk towards zero likewise."""
     blocks, rms = contrast.shape[1], float(np.sqrt(np.mean(sigma**2)))
@@ -136,9 +136,9 @@ def _products(contrast: Floats, mean: Floats, scene: Scene, there: NDArray[np.bo
 
 
 def without_courses(values: Floats, mean: Floats, scene: Scene, there: NDArray[np.bool_]) -> tuple[Floats, int]:
-    """Values (v, c) within the stops of one axis that are there, without the courses that each run has and what follows
-    its moves, by the stops' means (v); then without those whose size follows time, temperature or the drive. How many
-    numbers of each are left."""
+    """Values (v, c) within the visits of one axis that are there, without the courses that each run has and what
+    follows its moves, by the visits' means (v); then without those whose size follows time, temperature or the drive.
+    How many numbers of each are left."""
     visits = scene.visits
     step = np.where(visits.previous >= 0, mean[visits.previous] - mean, 0.0)[there]
     # A nest's courses are those of a run, as a unit may come into another one.
@@ -162,6 +162,6 @@ def without_courses(values: Floats, mean: Floats, scene: Scene, there: NDArray[n
 
 
 def _by_run(values: Floats, run: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:
-    """The mean of values (v, c) over the stops of each one's run (v)."""
+    """The mean of values (v, c) over the visits of each one's run (v)."""
     sums = np.stack([np.bincount(run, column) for column in values.T], axis=1)
     return np.asarray((sums / count[:, None])[run])

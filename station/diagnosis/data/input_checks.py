@@ -36,7 +36,7 @@ def check(recipe: Recipe, table: SampleTable) -> None:
 
 
 def check_unclipped(table: SampleTable, rest: SampleTable) -> None:
-    """Errors: SamplesError where no unit has two stops left beside those that are clipped: of one stop everything is
+    """Errors: SamplesError where no unit has two visits left beside those that are clipped: of one visit everything is
     the unit's own offset."""
     first = _first_rows(rest) if len(rest) else np.zeros(0, np.intp)
     every, whole = len(_first_rows(table)), len(first)
@@ -71,7 +71,7 @@ def check_gain(serial: str, gain: Floats) -> None:
 
 
 def _first_rows(table: SampleTable) -> NDArray[np.intp]:
-    """Row at which each stop begins."""
+    """Row at which each visit begins."""
     where = (table.unit.code, table.run, table.visit)
     return np.flatnonzero(np.any([np.diff(codes, prepend=-1) != 0 for codes in where], axis=0))
 
@@ -142,11 +142,12 @@ def _check_same_unit_of_measure(recipe: Recipe, table: SampleTable) -> None:
 
 
 def _response_ratios(recipe: Recipe, table: SampleTable) -> Iterator[tuple[str, Floats]]:
-    """Of each unit how much each axis' stops spread (3), beside what an ideal unit's would; NaN where hardly turned."""
+    """Of each unit how much each axis' visits spread (3), beside what an ideal unit's would; NaN where hardly
+    turned."""
     scene = visits_scene_of_table(recipe, table)
-    code, stops = scene.visits.unit.code, len(scene.visits)
-    count = np.bincount(scene.visit, minlength=stops)
-    mean = np.stack([np.bincount(scene.visit, column, stops) / count for column in table.reading.T], axis=1)
+    code, visits = scene.visits.unit.code, len(scene.visits)
+    count = np.bincount(scene.visit, minlength=visits)
+    mean = np.stack([np.bincount(scene.visit, column, visits) / count for column in table.reading.T], axis=1)
     true = resting_stimulus(scene)
     units = len(scene.visits.unit.names)
     read, felt = (_visit_std(values, code, units) for values in (mean, true))
@@ -156,7 +157,7 @@ def _response_ratios(recipe: Recipe, table: SampleTable) -> Iterator[tuple[str, 
 
 
 def _visit_std(values: Floats, code: NDArray[np.int32], units: int) -> Floats:
-    """Standard deviation (U, 3) of the stops' values (v, 3) of each unit."""
+    """Standard deviation (U, 3) of the visits' values (v, 3) of each unit."""
     count = np.maximum(np.bincount(code, minlength=units), 1)[:, None]
     middle = np.stack([np.bincount(code, column, units) for column in values.T], axis=1) / count
     off = (values - middle[code]) ** 2

@@ -1,7 +1,7 @@
-"""Where nobody knows how the part was held: the direction of the stimulus at each stop, from the reading itself.
+"""Where nobody knows how the part was held: the direction of the stimulus at each visit, from the reading itself.
 
 With the calibration at hand a reading gives a vector; its direction is taken for the true one, its length is the
-datum. Two of a stop's three numbers are spent that way, and the one left is |M⁻¹(y − b)| − |stimulus|: the norm fit.
+datum. Two of a visit's three numbers are spent that way, and the one left is |M⁻¹(y − b)| − |stimulus|: the norm fit.
 """
 
 from dataclasses import replace

@@ -1,8 +1,8 @@
-"""From samples to few robust numbers: a mean for each stop, and what changes within the stop.
+"""From samples to few robust numbers: a mean for each visit, and what changes within the visit.
 
 A dwell is cut into sub-blocks that grow with the time since its first sample (shares .06, .09, .25, .60; the
 blocks 0–.15–.4–1.0 s with the first one halved, so that a settling of .1 s shows its slope).
-Each block gives a Huber mean. The blocks of a stop are then turned into their weighted mean and into contrasts that
+Each block gives a Huber mean. The blocks of a visit are then turned into their weighted mean and into contrasts that
 are orthogonal to it: a cause that stands still during a dwell shows in the mean only, one that moves also in the
 contrasts, and the noise of the two is independent. Where the fixture rings faster than these blocks follow
 (`ringing.py`), the dwells are cut into quarters of its waves instead, as long as it rings.
@@ -42,12 +42,12 @@ SAMPLES_AT_ONCE = 1 << 14
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedScene:
-    """Stops (v) of a measured table. Readings in the recipe's unit.
+    """Visits (v) of a measured table. Readings in the recipe's unit.
 
-    scene: one row a stop, at its mean time; fine: rows (v · B · nodes) inside the blocks, for causes that move
+    scene: one row a visit, at its mean time; fine: rows (v · B · nodes) inside the blocks, for causes that move
     during a dwell; mean (v, 3); contrast (v, B−1, 3), scaled so that it has the noise of a single sample;
     count (v, B) samples in each block; sigma: noise of a sample, from one to the next, axis_noise (3) that of each axis
-    beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a stop's noise beside that of all,
+    beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a visit's noise beside that of all,
     axis_excess (v, 3) that which `count` leaves to each axis; rate_error (v, modes): by what the rate of temperature
     may be wrong, degC/s, each mode times a standard normal number a run; edges (B): ends of the blocks as shares of a
     dwell; ringing_hz: frequencies of what rings within the dwells; sample_axes (3): axis_noise as the samples show
@@ -86,16 +86,16 @@ class ReducedScene:
         return np.asarray(apart * self.axis_noise[:, None] / self.axis_noise)
 
     def by_own_noise(self) -> "ReducedScene":
-        """The same where each stop has the noise of its own samples: a noisier one counts as so many fewer at that of
+        """The same where each visit has the noise of its own samples: a noisier one counts as so many fewer at that of
         all."""
         e = self.excess.mean(1)
         count, contrast = self.count / e[:, None], self.contrast / np.sqrt(e)[:, None, None]
         return replace(self, count=count, contrast=contrast, axis_excess=self.excess / e[:, None])
 
     def of_runs(self, there: NDArray[np.bool_]) -> "ReducedScene":
-        """The stops of some whole runs, there (v); what holds for all samples is that of all."""
-        of_stops = ("mean", "contrast", "count", "rate_error", "excess", "axis_excess", "read_degC")
-        values = {name: getattr(self, name) for name in of_stops}
+        """The visits of some whole runs, there (v); what holds for all samples is that of all."""
+        of_visits = ("mean", "contrast", "count", "rate_error", "excess", "axis_excess", "read_degC")
+        values = {name: getattr(self, name) for name in of_visits}
         kept = {name: x[there] for name, x in values.items() if x is not None and len(x) == len(there)}
         return replace(self, scene=self.scene.of_runs(there), fine=self.fine.of_runs(there), **kept)
 
@@ -146,7 +146,7 @@ class ReducedPart:
 
 
 def reduce_samples(recipe: Recipe, table: SampleTable) -> ReducedScene:
-    """The stops of a table. SamplesError when a position or seating is not in the recipe."""
+    """The visits of a table. SamplesError when a position or seating is not in the recipe."""
     visit = visits_scene_of_table(recipe, table).visit
     sigma = sample_noise(table.reading, visit)
     ringings = find_ringings(recipe, table, visit, sigma)
@@ -172,38 +172,38 @@ def ringing_edges(ringings: Sequence[Ringing], dwell_s: float) -> Floats:
 
 def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edges: Floats = BLOCK_EDGES) -> ReducedPart:
     """Some units of a table whose samples have the noise sigma (3); visit (n) of each row; edges (B) of the blocks."""
-    stops = int(visit.max()) + 1
-    first, length = _first_and_length(table.time_s, visit, stops)
+    visits = int(visit.max()) + 1
+    first, length = _first_and_length(table.time_s, visit, visits)
     since = table.time_s - first[visit]
     block = np.searchsorted(edges, np.minimum(since / length[visit], 1.0), side="left").astype(np.intp)
     cell = visit * len(edges) + block
-    count = np.bincount(cell, minlength=stops * len(edges)).astype(float)
+    count = np.bincount(cell, minlength=visits * len(edges)).astype(float)
     reading = clip_outliers(table.reading, visit, sigma, count[cell] < MIN_HUBER_SAMPLES)
     found = huber_means(reading, table.time_s, cell, count, np.where(sigma > 0, sigma, np.inf))
     means = visit_means(table, visit)
     late, spread = _times_of_blocks(table.time_s - means.time_s[visit], cell, count)
-    shape = stops, len(edges)
+    shape = visits, len(edges)
     return ReducedPart(
         sigma,
         means,
-        np.bincount(visit, since, stops) / np.bincount(visit, minlength=stops),
+        np.bincount(visit, since, visits) / np.bincount(visit, minlength=visits),
         count.reshape(shape),
         found.reshape(*shape, 3),
         late.reshape(shape),
         spread.reshape(shape),
         visit_differences(table.reading, visit, sigma),
-        _warming(table, visit, stops),
+        _warming(table, visit, visits),
         pieces_of_dwells(table.reading, visit),
     )
 
 
-def _warming(table: SampleTable, visit: NDArray[np.intp], stops: int) -> Floats:
+def _warming(table: SampleTable, visit: NDArray[np.intp], visits: int) -> Floats:
     warm = table.values.get("temperature_degC")
-    return np.full(stops, np.nan) if warm is None else own_rates(warm, table.time_s, visit, stops)
+    return np.full(visits, np.nan) if warm is None else own_rates(warm, table.time_s, visit, visits)
 
 
 def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart], sigma: Floats) -> ReducedScene:
-    """The stops of all parts, whose means stand in one table in their order; sigma (3): noise of a sample of all."""
+    """The visits of all parts, whose means stand in one table in their order; sigma (3): noise of a sample of all."""
     count = np.concatenate([p.count for p in parts])
     mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
@@ -252,7 +252,7 @@ def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
 
 
 def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, Floats | None]:
-    """The scene of stops (v), one row each, and what is not known of the rate of temperature there (v, modes); warming
+    """The scene of visits (v), one row each, and what is not known of the rate of temperature there (v, modes); warming
     (v): this rate as the samples of each show it.
 
     Temperatures are as a smooth course has them: as it was read, one that scarcely changes bears more of its
@@ -269,7 +269,7 @@ def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, 
 
 
 def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
-    """The readings (n, k) without the wild ones among `few` (n): far off their neighbours in the stop, which agree.
+    """The readings (n, k) without the wild ones among `few` (n): far off their neighbours in the visit, which agree.
 
     sigma (k): noise of a sample. What moves, moves its neighbours too, and is left alone.
     """
@@ -334,26 +334,26 @@ def _portions(begin: NDArray[np.intp], rows: int) -> list[tuple[slice, slice]]:
     return [(slice(*r), slice(*c)) for r, c in ends]
 
 
-def _first_and_length(time_s: Floats, visit: NDArray[np.intp], stops: int) -> tuple[Floats, Floats]:
-    """Time of the first sample of each stop (v), and how long it was measured (v)."""
-    first = np.full(stops, np.inf)
-    last = np.full(stops, -np.inf)
+def _first_and_length(time_s: Floats, visit: NDArray[np.intp], visits: int) -> tuple[Floats, Floats]:
+    """Time of the first sample of each visit (v), and how long it was measured (v)."""
+    first = np.full(visits, np.inf)
+    last = np.full(visits, -np.inf)
     np.minimum.at(first, visit, time_s)
     np.maximum.at(last, visit, time_s)
     return first, np.maximum(last - first, 1e-9)
 
 
 def _times_of_blocks(late: Floats, cell: NDArray[np.intp], count: Floats) -> tuple[Floats, Floats]:
-    """Mean and deviation (cells) of the samples' times about the mean of their stop (n) in each cell."""
+    """Mean and deviation (cells) of the samples' times about the mean of their visit (n) in each cell."""
     filled = np.maximum(count, 1.0)
     mean = np.bincount(cell, late, len(count)) / filled
     return mean, np.sqrt(np.maximum(np.bincount(cell, late**2, len(count)) / filled - mean**2, 0.0))
 
 
 def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
-    """The scene at the nodes of every block, whose times are late (v, B) about the stop's mean and spread (v, B); what
-    is a clock runs on, the temperature at its rate, this as it changes from stop to stop, and the rest stays as at the
-    stop's mean."""
+    """The scene at the nodes of every block, whose times are late (v, B) about the visit's mean and spread (v, B); what
+    is a clock runs on, the temperature at its rate, this as it changes from visit to visit, and the rest stays as at
+    the visit's mean."""
     later = (late[..., None] + spread[..., None] * NODES).ravel()
     visit = np.repeat(scene.visit, late.shape[1] * len(NODES))
     clocks = ("time_s", "since_arrival_s", "since_power_s", "since_clamp_s")
@@ -366,7 +366,7 @@ def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
 
 
 def _rate_change(scene: Scene) -> Floats:
-    """How fast the rate of temperature changes (v), degC/s², at each stop of a scene; 0 in runs of one or two."""
+    """How fast the rate of temperature changes (v), degC/s², at each visit of a scene; 0 in runs of one or two."""
     change, rate = np.zeros(len(scene)), scene.require("temperature_rate")
     for rows in scene.visits.run_slices():
         if rows.stop - rows.start > 2:

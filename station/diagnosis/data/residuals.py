@@ -1,9 +1,9 @@
-"""What is measured and what is simulated, in the same few numbers a stop.
+"""What is measured and what is simulated, in the same few numbers a visit.
 
-A view holds the stops of one table with the simulation at its present best: the units' calibration (`base`) and the
+A view holds the visits of one table with the simulation at its present best: the units' calibration (`base`) and the
 causes that act (`active`). Readings are compared after the unit's own matrix is taken off, so that a turned part
 looks the same in every unit. Where the pose is unknown (`reference.pose: unknown`) the direction of the stimulus at
-each stop is estimated from the reading itself; of the three numbers of a stop then only the one along the stimulus
+each visit is estimated from the reading itself; of the three numbers of a visit then only the one along the stimulus
 is data, which is the magnitude.
 """
 
@@ -34,7 +34,7 @@ from station.model.forward import (
 from station.model.scene import Scene, Signal
 from station.model.temperature_course import likely_courses
 
-#: Noise of a stop's mean beside that of its samples over √n, or of its quietest contrast, at the least: blue noise
+#: Noise of a visit's mean beside that of its samples over √n, or of its quietest contrast, at the least: blue noise
 #: averages better than white.
 MIN_NOISE_RATIO = 0.5
 #: Nothing measures its stimulus to a smaller share; readings that do were computed.
@@ -45,14 +45,14 @@ COURSES = frozenset({"time", "since-power", "since-clamp", "temperature", "tempe
 VISITS_AT_ONCE = 2048
 #: Courses of the temperature, of those that are likely, that sizes are looked at with.
 MOST_COURSES = 8
-#: An axis whose stimulus varies by less than this share of its strength (rms over a unit's stops) shows no gain.
+#: An axis whose stimulus varies by less than this share of its strength (rms over a unit's visits) shows no gain.
 MIN_GAIN_STIMULUS = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualView:
-    """reduced stops, their grid, the simulation (base, active), own (v, k, 3) from readings to each axis' own numbers,
-    sigma: sd of a single sample within the stops, contrast_noise that of each contrast beside it, and apart (k, k),
+    """reduced visits, their grid, the simulation (base, active), own (v, k, 3) from readings to each axis' own numbers,
+    sigma: sd of a single sample within the visits, contrast_noise that of each contrast beside it, and apart (k, k),
     which makes of numbers whose noise the axes share such as share none."""
 
     reduced: ReducedScene
@@ -66,17 +66,17 @@ class ResidualView:
 
     @property
     def scene(self) -> Scene:
-        """One row a stop."""
+        """One row a visit."""
         return self.reduced.scene
 
     @cached_property
     def signal(self) -> Signal:
-        """What the sensors feel at the stops; every signature begins with it."""
+        """What the sensors feel at the visits; every signature begins with it."""
         return sensor_signal(self.scene, self.active)
 
     @property
     def stimulus(self) -> Floats:
-        """What each sensor feels at rest at each stop (v, 3)."""
+        """What each sensor feels at rest at each visit (v, 3)."""
         return self.signal.at_visit
 
     @cached_property
@@ -96,7 +96,8 @@ class ResidualView:
 
     @property
     def min_variance(self) -> float:
-        """The least variance of the white noise of a stop's mean: a few stops may be fitted as closely as one likes."""
+        """The least variance of the white noise of a visit's mean: a few visits may be fitted as closely as one
+        likes."""
         longest = float(np.mean(np.sum(self.keep**2, axis=2)))
         quietest = float(np.min(self.contrast_noise.noise, initial=1.0))
         told = (MIN_NOISE_RATIO * self.reduced.sigma * quietest) ** 2 / float(self.reduced.count.sum(1).mean())
@@ -104,7 +105,7 @@ class ResidualView:
 
     @property
     def moves_in_dwell(self) -> bool:
-        """Whether a cause at work changes within a stop, so that its means are those of its blocks."""
+        """Whether a cause at work changes within a visit, so that its means are those of its blocks."""
         return any(_varies_in_dwell(acting.effect) for acting in self.active.values())
 
     def simulated(self) -> tuple[Floats, Floats]:
@@ -117,7 +118,7 @@ class ResidualView:
         return mean, contrast
 
     def simulates_nearly(self, other: "ResidualView", share: float) -> bool:
-        """Whether two views of the same stops simulate the same readings, to a share of the stimulus."""
+        """Whether two views of the same visits simulate the same readings, to a share of the stimulus."""
         if self is other:
             return True
         if self.reduced is not other.reduced:
@@ -133,14 +134,14 @@ class ResidualView:
 
     @property
     def layout(self) -> RowLayout:
-        """How numbers of the stops become rows."""
+        """How numbers of the visits become rows."""
         apart = None if self.keeps_axes else self.apart
         sigma, blocks_apart = self.sigma * self.contrast_noise.noise, self.contrast_noise.apart
         return RowLayout(self.grid, self.keep, sigma, self.scene.visits.unit.code, apart, blocks_apart)
 
-    def rows(self, stop: Floats, dwell: Floats | None) -> DataColumns:
+    def rows(self, visit: Floats, dwell: Floats | None) -> DataColumns:
         """Columns of readings (v, 3, c) and contrasts (v, B−1, 3, c) laid out by unit."""
-        return self.layout.rows(stop, dwell)
+        return self.layout.rows(visit, dwell)
 
     def of_units(self, chosen: Array) -> "ResidualView":
         """The view of some units (in order) in which no cause acts; noise is that of all."""
@@ -151,8 +152,8 @@ class ResidualView:
         return replace(self, reduced=reduced, grid=grid, base=base, own=self.own[there])
 
     def signature(self, effect: Effect, of: str = "") -> tuple[Floats, Floats | None]:
-        """Derivatives by each axis' coefficient: of the stops' means (v, 3, axes) and of their contrasts
-        (v, B−1, 3, axes), None where the cause stands still during a stop."""
+        """Derivatives by each axis' coefficient: of the visits' means (v, 3, axes) and of their contrasts
+        (v, B−1, 3, axes), None where the cause stands still during a visit."""
         r, at = self.reduced, (self.base, effect, of, self.active)
         if not _varies_in_dwell(effect):
             return np.stack(list(derivatives(r.scene, *at, self.signal)), axis=-1), None
@@ -181,7 +182,7 @@ class ResidualView:
         return np.stack([(off_by(mode) - off_by(-mode)) / 2 for mode in modes.T], axis=-1)
 
     def with_rate(self, rate: Floats, error: Floats | None = None) -> "ResidualView":
-        """The view of stops whose temperature changes at another rate (v), degC/s, not known to modes (v, modes)."""
+        """The view of visits whose temperature changes at another rate (v), degC/s, not known to modes (v, modes)."""
         scene, error = replace(self.scene, temperature_rate=rate), self.reduced.rate_error if error is None else error
         return replace(self, reduced=replace(self.reduced, scene=scene, rate_error=error))
 
@@ -202,7 +203,7 @@ class ResidualView:
         return [(float(w), self.with_rate(*part)) for w, part in zip(weight, parts, strict=True)]
 
     def stimulated(self) -> Floats:
-        """Which axes of each stop's unit (v, 3) feel a stimulus that varies, 1 or 0: only those have a gain to fit.
+        """Which axes of each visit's unit (v, 3) feel a stimulus that varies, 1 or 0: only those have a gain to fit.
 
         An axis that always feels the same cannot tell gain from offset, and one that feels only the rounding of its
         pose would turn a thousandth of noise into any gain. Both keep their nominal gain.
@@ -223,7 +224,7 @@ class ResidualView:
 
     def calibration(self, matrix: bool) -> Floats:
         """Signature (v, 3, p) of each unit's offset and gain, or offset and whole matrix; zero for a gain that these
-        stops cannot show."""
+        visits cannot show."""
         a = self.stimulus * self.stimulated()
         offset = np.broadcast_to(np.eye(3), (len(a), 3, 3))
         if not matrix:
@@ -236,7 +237,7 @@ class ResidualView:
 
 
 def _varies_in_dwell(effect: Effect) -> bool:
-    """Whether the cause changes within a stop."""
+    """Whether the cause changes within a visit."""
     return "since_arrival_s" in effect.needs
 
 

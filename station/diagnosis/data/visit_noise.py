@@ -1,4 +1,4 @@
-"""How noisy each stop is: a drive that idles here and brakes there, an axis that shakes where gravity loads it.
+"""How noisy each visit is: a drive that idles here and brakes there, an axis that shakes where gravity loads it.
 
 Noise is taken from differences of neighbours, which slow motion does not reach.
 """
@@ -17,21 +17,21 @@ MAD_PER_SIGMA = 0.6745
 MEDIAN_LOG_VARIANCE, MAX_LOG_VARIANCE = 8.0, 3.0
 #: The same by the mean of n squares, none above that of so many standard deviations.
 MEAN_LOG_VARIANCE, FURTHEST = 4.0, 3.0
-#: A stop is noisier by itself beyond so many standard errors, by chance one of thirty thousand; the stops differ
+#: A visit is noisier by itself beyond so many standard errors, by chance one of thirty thousand; the visits differ
 #: altogether where their logarithms spread by so many standard errors more than chance makes them.
 NOISIER_BY, DIFFERENT_BY = 4.0, 4.0
-#: Of codes so many standard deviations wide each stop shows another noise by where it lies between two of them.
+#: Of codes so many standard deviations wide each visit shows another noise by where it lies between two of them.
 COARSE = 1.5
 #: Sizes that a tally tells apart: 1,024 of each power of 2, from 2⁻⁹⁶ to 2³².
 SHARE_BITS, LEAST_SIZE, SIZES = 42, (1023 - 96) << 10, 128 << 10
 #: Axes share noise from this correlation and so many standard errors on; the least share of it that is an axis' own.
 LEAST_SHARED, SHARED_BY, LEAST_OWN = 0.1, 5.0, 0.05
-#: Fewer differences of a stop show no noise of its own.
+#: Fewer differences of a visit show no noise of its own.
 LEAST_DIFFERENCES = 8
 
 
 def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
-    """Noise of a sample (3) from differences of neighbours in a stop; 0 where they never differ."""
+    """Noise of a sample (3) from differences of neighbours in a visit; 0 where they never differ."""
     near = np.abs(_differences(reading, visit)[0])
     if not len(near):
         return np.zeros(3)
@@ -40,15 +40,15 @@ def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
 
 
 class NoiseTally:
-    """The noise of a sample of stops that come some after others. Distances of neighbours are counted by their size, to
-    a thousandth of it: memory does not follow how many there are, and sizes of a converter are as they come."""
+    """The noise of a sample of visits that come some after others. Distances of neighbours are counted by their size,
+    to a thousandth of it: memory does not follow how many there are, and sizes of a converter are as they come."""
 
     def __init__(self) -> None:
         self._counts, self._sums, self._squares = np.zeros((3, SIZES)), np.zeros((3, SIZES)), np.zeros(3)
 
     @staticmethod
     def of(reading: Floats, visit: NDArray[np.intp]) -> "NoiseTally":
-        """Of readings (n, 3) of stops (n)."""
+        """Of readings (n, 3) of visits (n)."""
         tally, near = NoiseTally(), np.abs(_differences(reading, visit)[0])
         for axis in range(3):
             column = np.ascontiguousarray(near[:, axis])
@@ -60,13 +60,13 @@ class NoiseTally:
         return tally
 
     def add(self, more: "NoiseTally") -> None:
-        """Takes more stops."""
+        """Takes more visits."""
         self._counts += more._counts
         self._sums += more._sums
         self._squares += more._squares
 
     def sigma(self) -> Floats:
-        """What `sample_noise` gives of all stops together (3), to a thousandth."""
+        """What `sample_noise` gives of all visits together (3), to a thousandth."""
         return np.array([_noise(*of) for of in zip(self._counts, self._sums, self._squares, strict=True)])
 
 
@@ -102,7 +102,7 @@ def share_beyond_chance(logs: Floats, variance: float, free: int) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisitDifferences:
-    """Distances of neighbours in each stop (v), in noises of a sample: count (v) of them; square, middle (v, 3) mean
+    """Distances of neighbours in each visit (v), in noises of a sample: count (v) of them; square, middle (v, 3) mean
     square, none above FURTHEST, and median; product (v, 3) mean product of x and y, y and z, z and x; least (3) the
     smallest that is not 0; known: whether all axes scatter."""
 
@@ -145,9 +145,9 @@ class VisitDifferences:
         return found if np.linalg.eigvalsh(found)[0] > LEAST_OWN else np.eye(3)
 
     def excess_variance(self) -> Floats:
-        """Noise's square of each stop and axis (v, 3) beside that of all stops; 1 where chance explains it.
+        """Noise's square of each visit and axis (v, 3) beside that of all visits; 1 where chance explains it.
 
-        Where the stops differ altogether, each is drawn to 1 as far as chance makes it differ (James and Stein); one
+        Where the visits differ altogether, each is drawn to 1 as far as chance makes it differ (James and Stein); one
         that stands out by itself counts in full. What is quieter by itself keeps the common noise: what stands still
         for another reason shall not outweigh the rest.
         """
@@ -162,25 +162,25 @@ class VisitDifferences:
         squares, size = float(np.sum(np.clip(score, -NOISIER_BY, NOISIER_BY) ** 2)), max(score.size, 1)
         shared = 1 - size / squares if squares > size + DIFFERENT_BY * np.sqrt(2 * size) else 0.0
         found = shared * np.where(score == 0.0, 0.0, logs)
-        # Cut off at FURTHEST, the mean of squares of a much noisier stop says too little.
+        # Cut off at FURTHEST, the mean of squares of a much noisier visit says too little.
         plain = 2 * np.log(np.maximum(self.middle / MAD_PER_SIGMA / np.sqrt(2), 1.0))
         found = np.where(score > NOISIER_BY, np.maximum(logs, plain), found)
         return np.asarray(np.exp(np.maximum(found, -MAX_LOG_VARIANCE)))
 
 
 def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -> VisitDifferences:
-    """Of readings (n, 3) of stops (n) whose samples have the noise sigma (3).
+    """Of readings (n, 3) of visits (n) whose samples have the noise sigma (3).
 
     Means of squares, since a median of coarse readings jumps from code to code; wild ones count as FURTHEST.
     """
-    stops = int(visit.max()) + 1 if len(visit) else 0
+    visits = int(visit.max()) + 1 if len(visit) else 0
     near, of = _differences(reading, visit)
     known = not bool(np.any(sigma <= 0))
     signed = near / np.where(sigma > 0, sigma, 1.0)
-    count = np.bincount(of, minlength=stops)
+    count = np.bincount(of, minlength=visits)
     bounded, ratio = np.clip(signed / np.sqrt(2), -FURTHEST, FURTHEST), np.abs(signed)
     square, product = (
-        np.stack([np.bincount(of, column, stops) for column in x.T], axis=1) / np.maximum(count, 1)[:, None]
+        np.stack([np.bincount(of, column, visits) for column in x.T], axis=1) / np.maximum(count, 1)[:, None]
         for x in (bounded**2, bounded * np.roll(bounded, -1, axis=1))
     )
     least = np.min(ratio, axis=0, initial=np.inf, where=ratio > 0)
@@ -188,24 +188,24 @@ def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -
 
 
 def _medians(values: Floats, of: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:
-    """Medians (v, 3) of the values (n, 3) of each stop (n), 0 where it has none. Stops with as many values are gone
+    """Medians (v, 3) of the values (n, 3) of each visit (n), 0 where it has none. Visits with as many values are gone
     through together."""
     if np.any(np.diff(of) < 0):
         values = values[np.argsort(of, kind="stable")]
     first = np.cumsum(count) - count
     found = np.zeros((len(count), values.shape[1]))
     for many in np.unique(count[count > 0]).tolist():
-        stops = np.flatnonzero(count == many)
-        found[stops] = np.median(values[first[stops, None] + np.arange(many)], axis=1)
+        visits = np.flatnonzero(count == many)
+        found[visits] = np.median(values[first[visits, None] + np.arange(many)], axis=1)
     return found
 
 
 def _differences(reading: Floats, visit: NDArray[np.intp]) -> tuple[Floats, NDArray[np.intp]]:
-    """Steps (n, 3) from neighbour to neighbour in a stop, and the stop of each."""
+    """Steps (n, 3) from neighbour to neighbour in a visit, and the visit of each."""
     within = visit[1:] == visit[:-1]
     return np.diff(reading, axis=0)[within], visit[1:][within]
 
 
 def _middle(logs: Floats, there: NDArray[np.bool_]) -> Floats:
-    """Median (3) of each axis over the stops that have one; 0 where none has."""
+    """Median (3) of each axis over the visits that have one; 0 where none has."""
     return np.array([np.median(x[t]) if t.any() else 0.0 for x, t in zip(logs.T, there.T, strict=True)])

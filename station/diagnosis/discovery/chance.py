@@ -63,8 +63,8 @@ def null_residuals(
         true = replace(problem.structure.covariance(variances).runs.single_precision(), member=runs.member)
         noise = rng.standard_normal((U, M, n), dtype=np.float32) * space.live[..., None]
         white = np.ascontiguousarray(noise[:, : R * m].reshape(U, R, m, n))
-        stops = runs.whiten(true.coloured(white)).reshape(U, R * m, n)
-        rows = np.concatenate([stops, noise[:, R * m :]], axis=1)
+        visits = runs.whiten(true.coloured(white)).reshape(U, R * m, n)
+        rows = np.concatenate([visits, noise[:, R * m :]], axis=1)
         rows -= basis @ (basis.swapaxes(1, 2) @ rows)
         if flat.shape[1]:
             rows -= (flat @ (flat.T @ rows.reshape(U * M, n))).reshape(U, M, n)

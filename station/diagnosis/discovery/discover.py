@@ -77,7 +77,7 @@ class Discovery:
 
 class AlarmOnRest(NamedTuple):
     """The alarm of the diagnosis, applied to what a formula leaves: its null distribution, the causes that these data
-    cannot show, and the candidates of these stops."""
+    cannot show, and the candidates of these visits."""
 
     null: NullDistribution
     hidden: Sequence[str]
@@ -145,7 +145,7 @@ class _FormulaSearch:
     def best(self, problem: ScoringProblem, name: str) -> FoundTerm | None:
         """The best term on what a problem leaves; None where chance does as well."""
         fitted, units = problem.fit(), scanned_units(problem, MOST_SCANNED_UNITS)
-        scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view, units.stops)]
+        scans = [scan_of(x, problem.view, units, fitted.floor) for x in libraries(problem.view, units.visits)]
         scans = [scan for scan in scans if scan.batches]
         if not scans or any(s.space.dof < LEAST_NUMBERS or s.space.rest <= 0 for s in scans):
             return None

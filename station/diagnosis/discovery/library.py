@@ -1,4 +1,4 @@
-"""Every term of the grammar that these stops could show, with its constants on a grid, as one table of products."""
+"""Every term of the grammar that these visits could show, with its constants on a grid, as one table of products."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -57,9 +57,9 @@ def is_noise(problem: ScoringProblem, terms: Sequence[Term]) -> bool:
         return False
     units = scanned_units(problem, MOST_UNITS)
     space = units.setting.space(floor, moving=False)
-    about_curves = pattern_chances(_curves_of_terms(problem, units.stops, terms), units, space)
+    about_curves = pattern_chances(_curves_of_terms(problem, units.visits, terms), units, space)
     curves = (*about_curves, *prior_chances(units, space))
-    rest = (*axis_chances(units, space), *pattern_chances(_repeating_patterns(problem, units.stops), units, space))
+    rest = (*axis_chances(units, space), *pattern_chances(_repeating_patterns(problem, units.visits), units, space))
     pooled = list(_pooled_chances(problem, units, space, terms))
     chances = (curves, CURVE_CHANCE), (rest, PATTERN_CHANCE), (pooled, POOLED_CHANCE)
     return all(_all_by_chance(found, chance) for found, chance in chances)
@@ -128,7 +128,7 @@ def _pooled_chances(
     for item, term in zip(problem.accepted[len(problem.accepted) - len(terms) :], terms, strict=True):
         fitted = constant_columns(problem, item, term)
         for curve in pooled_curves(problem, item, term, COVARIATES):
-            columns = np.concatenate([fitted, curve], axis=2)[units.stops]
+            columns = np.concatenate([fitted, curve], axis=2)[units.visits]
             white = space.project(layout.columns(layout.keep @ columns, None)).reshape(space.data.size, -1)
             along = along_directions(white, fitted.shape[2], space)
             if len(along):
@@ -149,15 +149,15 @@ def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
         yield float(scipy.special.chdtrc(np.count_nonzero(visible), np.sum(along[visible] ** 2 / m[visible])))
 
 
-def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> Iterator[Pattern]:
-    """What may repeat in the rest, at some stops (v)."""
+def _repeating_patterns(problem: ScoringProblem, visits: NDArray[np.bool_]) -> Iterator[Pattern]:
+    """What may repeat in the rest, at some visits (v)."""
     scene = problem.view.scene
-    felt = problem.view.signal.true[stops]
+    felt = problem.view.signal.true[visits]
     ones = np.ones((len(felt), 1))
-    run, position = (scene.codes(level)[stops] for level in ("run-of-recipe", "position"))
-    visit = np.asarray(scene.visits.visit)[stops]
+    run, position = (scene.codes(level)[visits] for level in ("run-of-recipe", "position"))
+    visit = np.asarray(scene.visits.visit)[visits]
     occasion = np.unique(np.stack([run, visit]), axis=1, return_inverse=True)[1].ravel()
-    levels = [_level_groups(scene.require(name)[stops], GROUPS) for name in COVARIATES if scene.is_recorded(name)]
+    levels = [_level_groups(scene.require(name)[visits], GROUPS) for name in COVARIATES if scene.is_recorded(name)]
     for axis in range(3):
         yield Pattern(_group_columns(occasion, ones), axis, (False,))
         yield Pattern(_group_columns(position, ones), axis, (False,))
@@ -166,26 +166,26 @@ def _repeating_patterns(problem: ScoringProblem, stops: NDArray[np.bool_]) -> It
                 yield Pattern(_group_columns(group, times), axis, (False, True))
 
 
-def _curves_of_terms(problem: ScoringProblem, stops: NDArray[np.bool_], terms: Sequence[Term]) -> Iterator[Pattern]:
+def _curves_of_terms(problem: ScoringProblem, visits: NDArray[np.bool_], terms: Sequence[Term]) -> Iterator[Pattern]:
     """Any curve in place of that of each term: along what modulates it, and from position to position."""
     scene = problem.view.scene
     signal = problem.view.signal
-    run, position = (scene.codes(level)[stops] for level in ("run-of-recipe", "position"))
+    run, position = (scene.codes(level)[visits] for level in ("run-of-recipe", "position"))
     for term in terms:
         if term.is_turn or "since_arrival_s" in term.needs:
             continue
         own = (term.of in PER_UNIT_LEVELS,)
         parts = {c: term.factor_values(c, signal) for c in term.columns}
-        felt = {(c.i, c.j, c.phase): one[stops, None] for c, (one, _) in parts.items()}
-        modulated = {(c.i, c.j, c.wave): two[stops, None] for c, (_, two) in parts.items()}
-        along = scene.require(next(iter(term.needs), "time_s"))[stops]
+        felt = {(c.i, c.j, c.phase): one[visits, None] for c, (one, _) in parts.items()}
+        modulated = {(c.i, c.j, c.wave): two[visits, None] for c, (_, two) in parts.items()}
+        along = scene.require(next(iter(term.needs), "time_s"))[visits]
         for groups in CURVE_GROUPS if term.modulator != "constant" else ():
             yield from (Pattern(_group_columns(_level_groups(along, groups), x), at[0], own) for at, x in felt.items())
         yield from (Pattern(_group_columns(run, x), at[0], (True,)) for at, x in felt.items())
         for (i, j, _), x in modulated.items():
             yield Pattern(_group_columns(position, x), i, own)
             for axis in (i, j) if term.input != "one" else ():
-                yield Pattern(_group_columns(_level_groups(signal.true[stops, axis], GROUPS), x), i, own)
+                yield Pattern(_group_columns(_level_groups(signal.true[visits, axis], GROUPS), x), i, own)
 
 
 def _level_groups(values: Floats, groups: int) -> NDArray[np.intp]:

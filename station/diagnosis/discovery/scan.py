@@ -88,10 +88,10 @@ class Scan:
 
 
 class ScannedUnits(NamedTuple):
-    """The units that a scan goes over: their setting, and which stops (v) are theirs."""
+    """The units that a scan goes over: their setting, and which visits (v) are theirs."""
 
     setting: ScoringSetting
-    stops: Array
+    visits: Array
 
 
 def scanned_units(problem: ScoringProblem, most: int) -> ScannedUnits:
@@ -133,7 +133,7 @@ def _white_columns(
     """White columns (U, M, c) of some products, and their squared lengths (U, c) before anything known is taken off."""
     values, axes = library.values(some)
     rows = (_placed_within if library.moving else _placed)(view, values, axes, units)
-    _, R, m, _ = rows.stop.shape
+    _, R, m, _ = rows.visit.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
     length = np.einsum("umc,umc->uc", white, white)
     white -= space.basis @ (space.basis.transpose(0, 2, 1) @ white)
@@ -148,7 +148,7 @@ def _placed(_view: ResidualView, values: Floats, axes: Sequence[int], units: Sca
 
 def _placed_within(view: ResidualView, values: Floats, axes: Sequence[int], units: ScannedUnits) -> DataColumns:
     """The same for values (n, c) within the visits."""
-    mean, contrast = view.reduced.reduce_fine(values, units.stops)
+    mean, contrast = view.reduced.reduce_fine(values, units.visits)
     means = np.zeros((len(mean), 3, len(axes)))
     contrasts = np.zeros((*contrast.shape[:2], 3, len(axes)))
     every = np.arange(len(axes))

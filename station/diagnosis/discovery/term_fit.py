@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.constant_scale import ConstantScale
@@ -100,8 +100,8 @@ class TermFit:
 def candidate_of(term: Term, view: ResidualView, rms: float = 0.0, name: str = UNNAMED) -> Candidate:
     """A term as a candidate of the diagnosis, with its columns in a view."""
     effect = effect_of(term, name, rms)
-    stop, dwell = view.signature(effect, term.of) if _by_simulation(term) else (_still_columns(term, view), None)
-    return _candidate(term, effect, view, stop, dwell, name)
+    visit, dwell = view.signature(effect, term.of) if _by_simulation(term) else (_still_columns(term, view), None)
+    return _candidate(term, effect, view, visit, dwell, name)
 
 
 def _probe(term: Term, view: ResidualView) -> Candidate:
@@ -112,11 +112,11 @@ def _probe(term: Term, view: ResidualView) -> Candidate:
 
 
 def _candidate(
-    term: Term, effect: Effect | None, view: ResidualView, stop: Floats, dwell: Floats | None, name: str
+    term: Term, effect: Effect | None, view: ResidualView, visit: Floats, dwell: Floats | None, name: str
 ) -> Candidate:
     code, names = view.scene.group(term.of)
     pattern: Pattern = "own" if term.of in PER_UNIT_LEVELS else "shared"
-    return Candidate(name, effect, term.of, pattern, code, names, StopColumns.of(stop, dwell))
+    return Candidate(name, effect, term.of, pattern, code, names, CauseColumns.of(visit, dwell))
 
 
 def _by_simulation(term: Term) -> bool:
@@ -126,10 +126,10 @@ def _by_simulation(term: Term) -> bool:
 def _still_columns(term: Term, view: ResidualView) -> Floats:
     """Columns (v, 3, K) of a term that stands still during a visit."""
     signal = view.signal
-    stop = np.zeros((len(view.reduced.mean), 3, len(term.columns)))
+    visit = np.zeros((len(view.reduced.mean), 3, len(term.columns)))
     for at, column in enumerate(term.columns):
-        stop[:, column.i, at] = term.column(column, signal)
-    return stop
+        visit[:, column.i, at] = term.column(column, signal)
+    return visit
 
 
 def fit_term(term: Term, at: TermSpace) -> TermFit:
@@ -144,8 +144,8 @@ def fit_in_place(term: Term, columns: Floats, at: TermSpace) -> TermFit:
 
 def _fit(term: Term, candidate: Candidate, at: TermSpace) -> TermFit:
     space = at.space
-    rows = candidate.select_visits(at.units.stops).rows(at.units.setting.layout)
-    U, R, m, _ = rows.stop.shape
+    rows = candidate.select_visits(at.units.visits).rows(at.units.setting.layout)
+    U, R, m, _ = rows.visit.shape
     white = space.covariance.whiten(rows, space.dwell, space.basis.shape[1] - R * m - space.dwell)
     length = np.einsum("umk,umk->uk", white, white)
     white -= space.basis @ (space.basis.transpose(0, 2, 1) @ white)

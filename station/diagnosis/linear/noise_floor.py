@@ -1,7 +1,7 @@
 """The noise floor, estimated on the data at hand by restricted maximum likelihood.
 
-V = σ²·D + τ_r²·T + τ_w²·K for the stops of one run: D white noise (1/samples), T a small random turn of each stop
-(the positioner's repeatability, `repeatability`), K a random walk from stop to stop (`bias-walk`). T and K are made
+V = σ²·D + τ_r²·T + τ_w²·K for the visits of one run: D white noise (1/samples), T a small random turn of each visit
+(the positioner's repeatability, `repeatability`), K a random walk from visit to visit (`bias-walk`). T and K are made
 of those causes' own signatures. The estimate is Newton's on the average information (Gilmour, Thompson, Cullis,
 Biometrics 51 (1995) 1440, eq. 5), inside bounds.
 """
@@ -33,7 +33,8 @@ MANY_VISITS = 96
 
 @dataclass(frozen=True, slots=True)
 class NoiseFloor:
-    """noise: sd of the mean of a stop of average length, turn: rad a stop, walk: a stop; both in the recipe's unit."""
+    """noise: sd of the mean of a visit of average length, turn: rad a visit, walk: a visit; both in the recipe's
+    unit."""
 
     noise: float
     turn: float
@@ -197,7 +198,7 @@ def _triangular_inverse(L: Floats) -> Floats:
 
 
 def floor_structure(grid: VisitGrid, weight: Floats, turn: Floats, steps: Floats, project: Floats) -> FloorStructure:
-    """From, for each stop: weight (v) or (v, k) relative precision; turn (v, k, 3) signature of its turn; steps (v)
+    """From, for each visit: weight (v) or (v, k) relative precision; turn (v, k, 3) signature of its turn; steps (v)
     taken by the walk so far; project (v, k, 3) from readings to the numbers kept."""
     U, R, V = grid.slot.shape
     k = grid.k
@@ -305,9 +306,9 @@ def _moved(parts: FloorStructure, now: ResidualSpace, residual: Floats) -> tuple
     runs = now.covariance.runs
     rows = np.concatenate([residual[..., None], now.basis, now.shared_basis], axis=2)
     U, R = runs.member.shape
-    stops = rows[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
-    acted = parts.times(runs.transposed(stops))
-    white = runs.whiten(acted.reshape(*stops.shape[:3], -1)).reshape(U, R * runs.rows, 3, -1)
+    visits = rows[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
+    acted = parts.times(runs.transposed(visits))
+    white = runs.whiten(acted.reshape(*visits.shape[:3], -1)).reshape(U, R * runs.rows, 3, -1)
     moved = np.zeros((U, rows.shape[1], 3))
     moved[:, : white.shape[1]] = white[..., 0]
     known = np.sum(rows[:, : white.shape[1], None, 1:] * white[..., 1:], axis=(0, 1, 3))

@@ -18,7 +18,7 @@ class PartedSpace:
     over units is summed while they are gone through, each of them once."""
 
     def __init__(self, covariance: FloorCovariance, known: NuisanceColumns, readings: DataColumns, count: int) -> None:
-        assert known.shared.stop.shape[-1] == 0
+        assert known.shared.visit.shape[-1] == 0
         self._covariance, self._known, self._readings = covariance, known, readings
         self._logdet, self._dof, self._squares = covariance.logdet, count, 0.0
 

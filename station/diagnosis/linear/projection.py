@@ -17,34 +17,34 @@ from station.domain.core.types import Array, Floats
 
 
 class DataColumns(NamedTuple):
-    """Columns as the data have them: stop (U, R, m, c); dwell (U, w, c) the contrasts within the stops, in units of
+    """Columns as the data have them: visit (U, R, m, c); dwell (U, w, c) the contrasts within the visits, in units of
     their noise, or None where they are all zero."""
 
-    stop: Floats
+    visit: Floats
     dwell: Floats | None = None
 
     @staticmethod
     def concatenate(parts: "Sequence[DataColumns]") -> "DataColumns":
         """All columns side by side; there must be at least one part."""
         moving = [p.dwell for p in parts if p.dwell is not None]
-        stop = np.concatenate([p.stop for p in parts], axis=-1)
+        visit = np.concatenate([p.visit for p in parts], axis=-1)
         if not moving:
-            return DataColumns(stop)
+            return DataColumns(visit)
         still = (*moving[0].shape[:2],)
-        dwell = [np.zeros((*still, p.stop.shape[-1])) if p.dwell is None else p.dwell for p in parts]
-        return DataColumns(stop, np.concatenate(dwell, axis=-1))
+        dwell = [np.zeros((*still, p.visit.shape[-1])) if p.dwell is None else p.dwell for p in parts]
+        return DataColumns(visit, np.concatenate(dwell, axis=-1))
 
     def only(self, columns: Array | slice) -> "DataColumns":
         """Some of the columns."""
-        return DataColumns(self.stop[..., columns], None if self.dwell is None else self.dwell[..., columns])
+        return DataColumns(self.visit[..., columns], None if self.dwell is None else self.dwell[..., columns])
 
     def of_units(self, chosen: Array | slice) -> "DataColumns":
         """The same of some units."""
-        return DataColumns(self.stop[chosen], None if self.dwell is None else self.dwell[chosen])
+        return DataColumns(self.visit[chosen], None if self.dwell is None else self.dwell[chosen])
 
 
 class AxisColumns(NamedTuple):
-    """Columns of the stops' means of which each moves one axis alone: values (U, R, V, c) there, and axis (c)."""
+    """Columns of the visits' means of which each moves one axis alone: values (U, R, V, c) there, and axis (c)."""
 
     values: Floats
     axis: NDArray[np.intp]
@@ -73,7 +73,7 @@ class NuisanceColumns:
 
     @property
     def moving(self) -> bool:
-        """Whether anything known changes within a stop."""
+        """Whether anything known changes within a visit."""
         return self.own.dwell is not None or self.shared.dwell is not None
 
     def of_units(self, chosen: Array | slice) -> "NuisanceColumns":
@@ -110,11 +110,11 @@ class FloorCovariance:
     ) -> Floats:
         """Rows of unit variance (U, R·m + dwell + more, c) of some units; `dwell` is how many contrasts a unit shall
         keep, `more` how many rows of zeros come after."""
-        U, R, m, c = rows.stop.shape
+        U, R, m, c = rows.visit.shape
         moving = bool(dwell) and rows.dwell is not None
         white = np.empty((U, R * m + dwell + more, c)) if out is None else out
         white[:, R * m + dwell * moving :] = 0.0
-        self.runs.of_units(units).whiten(rows.stop, out=white[:, : R * m].reshape(U, R, m, c))
+        self.runs.of_units(units).whiten(rows.visit, out=white[:, : R * m].reshape(U, R, m, c))
         if moving:
             white[:, R * m : R * m + dwell] = rows.dwell
         return white
@@ -130,9 +130,9 @@ class SpaceSize(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualSpace:
-    """White rows of each unit (stops, contrasts, priors), free of the unit's own known columns.
+    """White rows of each unit (visits, contrasts, priors), free of the unit's own known columns.
 
-    dwell: contrasts kept, 0 where only the stops' means are looked at; basis (U, M, p) spans the own columns;
+    dwell: contrasts kept, 0 where only the visits' means are looked at; basis (U, M, p) spans the own columns;
     border (U, M, c) is an orthonormal basis of what is left of the shared ones; common: log-determinant of their
     normal matrix, logdet: of V and of both normal matrices together; dof: numbers left; data (U, M) the readings;
     live (U, M) rows that hold anything; copies: for how many sets of such units the few here stand.
@@ -166,7 +166,7 @@ class ResidualSpace:
 
     def project(self, rows: DataColumns, units: slice = ALL_UNITS) -> Floats:
         """Columns of some units as this space sees them (U, M, c), shared known ones not yet taken off."""
-        _, R, m, _ = rows.stop.shape
+        _, R, m, _ = rows.visit.shape
         more = self.basis.shape[1] - R * m - self.dwell
         white, basis = self.covariance.whiten(rows, self.dwell, more, units), self.basis[units]
         white -= basis @ (basis.transpose(0, 2, 1) @ white)
@@ -213,7 +213,7 @@ def residual_space(
     """The space of `count` readings (one column). Contrasts are kept where the readings have them. Some units at a
     time: on the way to what is kept of a unit there are several times as many numbers."""
     dwell = 0 if readings.dwell is None else readings.dwell.shape[1]
-    priors, units = prior_rows(known), len(readings.stop)
+    priors, units = prior_rows(known), len(readings.visit)
     parts = [
         _units_space(covariance, known, readings, priors, slice(first, first + UNITS_AT_ONCE))
         for first in range(0, units, UNITS_AT_ONCE)
@@ -264,7 +264,7 @@ def _joined(parts: Sequence[Array]) -> Array:
 
 
 def _live(covariance: FloorCovariance, readings: DataColumns, dwell: int) -> NDArray[np.bool_]:
-    """Rows of stops and contrasts that were measured; a contrast of exactly 0 is one of a block without samples."""
+    """Rows of visits and contrasts that were measured; a contrast of exactly 0 is one of a block without samples."""
     if not dwell or readings.dwell is None:
         return covariance.live
     return np.concatenate([covariance.live, readings.dwell[..., 0] != 0], axis=1)

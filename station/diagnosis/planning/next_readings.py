@@ -41,13 +41,13 @@ class NextReadings:
 
     @cached_property
     def _is_new(self) -> tuple[Array, Array]:
-        """Which rows of the stops (U, R, m) and of the contrasts (U, w) are of planned runs."""
+        """Which rows of the visits (U, R, m) and of the contrasts (U, w) are of planned runs."""
         slot = self.problem.view.grid.slot
         visits = np.append(self.problem.view.scene.visits.run >= self.measured, False)[slot]
         U, R, V = slot.shape
-        stops = np.repeat(visits, self.problem.view.grid.k, axis=2)
+        numbers = np.repeat(visits, self.problem.view.grid.k, axis=2)
         each = self._space.dwell // (R * V)
-        return stops, np.repeat(visits, each, axis=2).reshape(U, -1)
+        return numbers, np.repeat(visits, each, axis=2).reshape(U, -1)
 
     def sets(self, candidate: Candidate, size: float, count: int, rng: np.random.Generator) -> NullNoise:
         """So many sets in which a cause is true whose coefficients have this rms."""
@@ -56,7 +56,7 @@ class NextReadings:
         )
         own = self.problem.known.own
         known = DataColumns.concatenate([own, rows])
-        theta = self._drawn(known, own.stop.shape[-1], size, count, rng, own=place.own)
+        theta = self._drawn(known, own.visit.shape[-1], size, count, rng, own=place.own)
         return self._noise_with(known, theta, count, rng)
 
     def hit(self, candidate: Candidate, size: float, rng: np.random.Generator) -> Array:
@@ -94,7 +94,7 @@ class NextReadings:
     ) -> Floats:
         """Calibrations and coefficients (U, p + K, n) from the readings so far; without any, those of this rms."""
         if not self.measured:
-            U, c = known.stop.shape[0], known.stop.shape[-1]
+            U, c = known.visit.shape[0], known.visit.shape[-1]
             drawn = rng.standard_normal((U if own else 1, c - p, count))
             drawn *= size / np.sqrt(np.mean(drawn**2, axis=(0, 1)))
             return np.concatenate([np.zeros((U, p, count)), np.broadcast_to(drawn, (U, c - p, count))], axis=1)
@@ -118,26 +118,26 @@ class NextReadings:
 
     def _measured(self, rows: DataColumns) -> Floats:
         """White rows (U, M, c) of the runs that were measured; the others are zero."""
-        new_stops, new_inside = self._is_new
-        stop = np.where(new_stops[..., None], 0.0, rows.stop)
+        new_visits, new_inside = self._is_new
+        visit = np.where(new_visits[..., None], 0.0, rows.visit)
         inside = None if rows.dwell is None else np.where(new_inside[..., None], 0.0, rows.dwell)
-        return np.asarray(self._space.covariance.whiten(DataColumns(stop, inside), self._space.dwell))
+        return np.asarray(self._space.covariance.whiten(DataColumns(visit, inside), self._space.dwell))
 
     def _noise_with(self, known: DataColumns, theta: Floats, count: int, rng: np.random.Generator) -> NullNoise:
-        """The sets: rows of the stops as they are, contrasts and priors in units of their noise."""
-        space, (new_stops, new_inside) = self._space, self._is_new
+        """The sets: rows of the visits as they are, contrasts and priors in units of their noise."""
+        space, (new_visits, new_inside) = self._space, self._is_new
         readings, _ = self.problem.readings(moving=True)
-        U, R, m, _ = readings.stop.shape
+        U, R, m, _ = readings.visit.shape
         noise = rng.standard_normal((count, *space.live.shape), dtype=np.float32) * space.live
         drawn = NullNoise.of(noise, replace(self._true_floor(rng), member=space.covariance.runs.member))
-        expected = np.einsum("urmc,ucn->urmn", known.stop, theta)
-        stops = np.where(new_stops[..., None], drawn.visits + expected, readings.stop)
+        expected = np.einsum("urmc,ucn->urmn", known.visit, theta)
+        visits = np.where(new_visits[..., None], drawn.visits + expected, readings.visit)
         if space.dwell and readings.dwell is not None:
             inside = np.zeros((U, space.dwell, count)) if known.dwell is None else known.dwell @ theta
             inside = inside.transpose(2, 0, 1) + noise[:, :, R * m : R * m + space.dwell]
             old = readings.dwell[..., 0]
             noise[:, :, R * m : R * m + space.dwell] = np.where(new_inside, inside, old) * (old != 0)
-        return NullNoise(noise, stops.astype(np.float32))
+        return NullNoise(noise, visits.astype(np.float32))
 
     def _true_floor(self, rng: np.random.Generator) -> RunFilter:
         """One of the floors that the readings so far allow."""
@@ -147,7 +147,7 @@ class NextReadings:
         low = np.array([mean[0] / LARGEST_NOISE_RATIO, 0.0, 0.0])
         high = np.r_[mean[0] * LARGEST_NOISE_RATIO, self.problem.upper[1:]]
         step = np.where(np.where(step > 0, mean >= high, mean <= low), -step, step)
-        # Of a few stops noise and turns may be told by their sum alone: a step beyond the bounds ends anywhere on the
+        # Of a few visits noise and turns may be told by their sum alone: a step beyond the bounds ends anywhere on the
         # way to them.
         room = np.where(step > 0, high - mean, mean - low) / np.maximum(np.abs(step), 1e-300)
         share = min(max(float(room.min()), 0.0) * float(rng.uniform()), 1.0) if room.min() < 1 else 1.0

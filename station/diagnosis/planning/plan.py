@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -53,7 +53,7 @@ class PlannedCampaign:
     floor: NoiseFloor
     space: ResidualSpace
     #: Of causes at shapes that were asked for already: each is asked for at every level.
-    _columns: dict[Effect, StopColumns] = field(default_factory=dict, init=False, repr=False)
+    _columns: dict[Effect, CauseColumns] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def of(problem: ScoringProblem, floor: NoiseFloor) -> "PlannedCampaign":
@@ -63,7 +63,7 @@ class PlannedCampaign:
     def at_form(self, candidate: Candidate, effect: Effect) -> Candidate:
         """A candidate at another shape: it is the same at all levels."""
         if effect not in self._columns:
-            self._columns[effect] = StopColumns.of(*self.problem.view.signature(effect))
+            self._columns[effect] = CauseColumns.of(*self.problem.view.signature(effect))
         return replace(candidate, effect=effect, columns=self._columns[effect])
 
     def axes(self, candidate: Candidate) -> SignatureAxes:

@@ -249,7 +249,7 @@ def _floor_gain(finding: CauseFinding, rms: float) -> HeldOutGain:
 
 def residual_rms(problem: ScoringProblem) -> float:
     """Rms of measured − simulated over the visits, in the recipe's unit, once everything known is fitted."""
-    rows = problem.view.readings().stop[..., 0]
+    rows = problem.view.readings().visit[..., 0]
     live = problem.structure.pad[problem.structure.member] == 0
     return float(np.sqrt(np.mean(rows[live] ** 2))) if live.any() else 0.0
 

@@ -224,8 +224,8 @@ def _is_law_of(term: AcceptedCause, cause: AcceptedCause, problem: ScoringProble
     view, one = problem.view, term.candidate
     if one.moving:
         return False
-    does = np.einsum("via,va->vi", one.stop, np.where(term.hit[:, None], term.coefficient, 0.0)[one.code])
-    columns = np.concatenate([cause.in_view(view).candidate.stop, view.calibration(problem.matrix)], axis=2)
+    does = np.einsum("via,va->vi", one.visit, np.where(term.hit[:, None], term.coefficient, 0.0)[one.code])
+    columns = np.concatenate([cause.in_view(view).candidate.visit, view.calibration(problem.matrix)], axis=2)
     left, unit = 0.0, view.scene.visits.unit.code
     for u in np.unique(unit):
         own, target = columns[unit == u].reshape(-1, columns.shape[2]), does[unit == u].ravel()

@@ -11,8 +11,8 @@ from station.domain.core.types import Floats
 def remaining_rms(problem: ScoringProblem) -> float:
     """Rms of measured − simulated over the visits, in the recipe's unit; all visits weigh the same and no coefficient
     has a prior."""
-    own, shared = (_rows(part.stop) for part in (problem.known.own, problem.known.shared))
-    data = _rows(problem.view.readings().stop)[..., 0]
+    own, shared = (_rows(part.visit) for part in (problem.known.own, problem.known.shared))
+    data = _rows(problem.view.readings().visit)[..., 0]
     white = WhiteRows(own, shared, data, data.shape[1], 0)
     live = problem.structure.pad[problem.structure.member].reshape(data.shape) == 0
     rest = white.residual(solve(white))[live]

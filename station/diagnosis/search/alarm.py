@@ -4,7 +4,7 @@ Data sets without any cause are drawn from the floor, its own uncertainty includ
 Each cause's scores give its own null distribution (an exponential tail beyond the sample); the statistic of a data
 set is the largest −log₁₀ p over the bank, and the threshold its 99.25 % quantile over the null sets, so that the whole
 family of causes raises a false alarm in one of a hundred campaigns. What explains too little to be named alarms nobody,
-neither in the readings nor in the null sets: of a few stops a cause may say the same whatever is read, and rounding
+neither in the readings nor in the null sets: of a few visits a cause may say the same whatever is read, and rounding
 alone then looks rare.
 """
 

@@ -1,6 +1,6 @@
 """Floors at their bounds: whether sets of noise would be fitted there, too.
 
-A few stops hardly tell how much of their scatter is a walk or turns: by chance alone the fit of such a variance ends
+A few visits hardly tell how much of their scatter is a walk or turns: by chance alone the fit of such a variance ends
 at nothing, or at the most that a healthy rig may have. Readings that took it there are not like all others, so that
 chance is drawn from those that take it there as well. Where a set would be fitted is told by its slopes and the
 information at the floor of the readings: the best of the parabola that they make, within the bounds.

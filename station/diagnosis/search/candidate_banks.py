@@ -1,4 +1,4 @@
-"""Every cause and kernel that some stops could show, made anew only where the simulation has changed."""
+"""Every cause and kernel that some visits could show, made anew only where the simulation has changed."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -24,7 +24,8 @@ SAME_SIGNATURE_SHARE = 1e-3
 
 
 class CandidateBanks:
-    """The candidates of some stops. Their signatures are those of another view where that simulates nearly the same."""
+    """The candidates of some visits. Their signatures are those of another view where that simulates nearly the
+    same."""
 
     def __init__(self, view: ResidualView) -> None:
         self._view, self._candidates = view, all_candidates(view)

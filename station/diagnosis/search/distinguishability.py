@@ -166,7 +166,7 @@ def _apart(found: EstimatedSignal, other: AcceptedCause, layout: RowLayout, spac
     rows, place = accepted_columns(other, layout)
     unit = found.axes.vectors * np.sqrt(found.axes.inverse)[:, None, :]
     both = np.concatenate([found.data[..., None], unit], axis=2)
-    normal, along, cross = list[Floats](), list[Floats](), np.zeros((rows.stop.shape[-1], space.shared_basis.shape[2]))
+    normal, along, cross = list[Floats](), list[Floats](), np.zeros((rows.visit.shape[-1], space.shared_basis.shape[2]))
     for units in layout.grid.parts(UNITS_AT_ONCE):
         turned = space.project(rows.of_units(units), units).swapaxes(1, 2)
         normal.append(turned @ turned.swapaxes(1, 2))

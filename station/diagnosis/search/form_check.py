@@ -25,7 +25,7 @@ from station.diagnosis.candidates.bank import (
     cause_library,
     is_testable,
 )
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.order_kernels import came_from
 from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, laws_within_dwells, rival_laws
 from station.diagnosis.data.residuals import ResidualView
@@ -142,8 +142,8 @@ def _fading(problem: ScoringProblem, i: int, floor: NoiseFloor) -> Iterator[Riva
         bare = problem
         for j in sorted((i, *(j for j, some in near.items() if some)), reverse=True):
             bare = bare.without(j, groups if j == i else None)
-        stop = np.concatenate([alone.stop, *(laws[0].stop for laws in every)], axis=2)
-        ranks = _best_of(bare, [replace(alone, columns=StopColumns.of(stop))], courses, floor)
+        visit = np.concatenate([alone.visit, *(laws[0].visit for laws in every)], axis=2)
+        ranks = _best_of(bare, [replace(alone, columns=CauseColumns.of(visit))], courses, floor)
         if alone.name in ranks:
             own = ranks.pop(alone.name).evidence
             yield _rivals(ranks, own + float(np.log(len(courses))))
@@ -164,7 +164,7 @@ def _in_every_run(leads: Sequence[Mapping[str, float]]) -> RivalLaws:
 def _in_one_run(law: Candidate, other: Candidate, view: ResidualView) -> bool:
     """Whether two laws act in a run that both share."""
     runs = view.scene.group("run")[0]
-    one, two = (runs[np.any(x.stop != 0.0, axis=(1, 2))] for x in (law, other))
+    one, two = (runs[np.any(x.visit != 0.0, axis=(1, 2))] for x in (law, other))
     return bool(np.intersect1d(one, two).size)
 
 

@@ -22,17 +22,17 @@ from station.domain.core.types import Floats
 
 #: Parts into which visits or units are dealt, and the fewest units that can be held out in turn.
 FOLDS, MIN_HELD_OUT_UNITS = 6, 3
-#: Covariates that change slowly and steadily from stop to stop.
+#: Covariates that change slowly and steadily from visit to visit.
 SLOW_COVARIATES = frozenset({"time_s", "temperature_degC", "temperature_rate", "since_power_s", "since_clamp_s"})
 #: Weight of a held-out row in the fit. Where a bias walks, only the first visits tell the offset: without them it
 #: would be rounding magnified. So what the rest cannot say is taken from them, on both sides of the comparison.
 HELD_WEIGHT = 1e-3
-#: So few stops, each counted by how far it moves, do not tell how much it scatters what one of them gains: of four that
-#: gain the same the sum is never more than twice its standard error. Three or less confirm nothing, since the sum of
-#: three is never twice their length: there are as few positions that are not needed to tell the calibration.
-FEW_STOPS, TOO_FEW_STOPS = 12, 3
-#: What moves a stop by so much, the square of it in units of its noise, is decided by that stop alone, and one that it
-#: moves further confirms no more than it.
+#: So few visits, each counted by how far it moves, do not tell how much it scatters what one of them gains: of four
+#: that gain the same the sum is never more than twice its standard error. Three or less confirm nothing, since the sum
+#: of three is never twice their length: there are as few positions that are not needed to tell the calibration.
+FEW_VISITS, TOO_FEW_VISITS = 12, 3
+#: What moves a visit by so much, the square of it in units of its noise, is decided by that visit alone, and one that
+#: it moves further confirms no more than it.
 DECISIVE = 1000.0
 #: Pairs into which one visit's data are split by noise.
 FISSIONS = 4
@@ -89,21 +89,21 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     floor_rms = tests[0].floor_rms(floor)
     above = before**2 - floor_rms**2
     explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
-    stops = score[problem.view.grid.slot >= 0]
-    total = float(stops.sum())
-    few, confirming = _moved_stops(moved), _moved_stops(moved / (1 + moved / DECISIVE))
-    if by == "sample" or (few < FEW_STOPS and confirming > TOO_FEW_STOPS):
-        # Where few stops move, they do not tell how much it scatters what they gain; the standard deviation of their
+    visits = score[problem.view.grid.slot >= 0]
+    total = float(visits.sum())
+    few, confirming = _moved_visits(moved), _moved_visits(moved / (1 + moved / DECISIVE))
+    if by == "sample" or (few < FEW_VISITS and confirming > TOO_FEW_VISITS):
+        # Where few visits move, they do not tell how much it scatters what they gain; the standard deviation of their
         # log-likelihood ratio is the length of what moves in white data.
         std_error = np.sqrt(np.sum(moved))
     else:
         # About nothing, not about their mean, where there are so few: three that gain the same would have no scatter.
-        std_error = np.sqrt(np.sum((stops - (stops.mean() if confirming > TOO_FEW_STOPS else 0.0)) ** 2))
+        std_error = np.sqrt(np.sum((visits - (visits.mean() if confirming > TOO_FEW_VISITS else 0.0)) ** 2))
     return HeldOutGain(by, float(before), float(after), explained, total, float(std_error))
 
 
-def _moved_stops(moved: Floats) -> float:
-    """How many stops move, each counted by how far it does: (Σ s)² / Σ s² of their squares s."""
+def _moved_visits(moved: Floats) -> float:
+    """How many visits move, each counted by how far it does: (Σ s)² / Σ s² of their squares s."""
     return float(np.sum(moved)) ** 2 / max(float(np.sum(moved**2)), 1e-300)
 
 
@@ -191,7 +191,7 @@ class _HeldOutTest:
 
     def _measured(self, rows: Floats) -> Floats:
         """White rows (U, M) without those of the priors."""
-        return rows[:, : self.white.stops + self.white.dwell]
+        return rows[:, : self.white.visits + self.white.dwell]
 
     def _recalibrated(self, solved: NuisanceSolution) -> NuisanceSolution:
         """Shared coefficients as solved, each unit's own ones fitted to all of its rows."""
@@ -200,19 +200,19 @@ class _HeldOutTest:
         )
         return replace(solved, own=solve(bare).own)
 
-    def _rows(self, stops: Floats) -> Floats:
+    def _rows(self, visits: Floats) -> Floats:
         """A value of each visit (U, R, V) for each of its white rows (U, M), 0 for those of the priors."""
-        U = len(stops)
-        flat = stops.reshape(U, -1)
-        stop = np.repeat(flat, self.white.stops // flat.shape[1], axis=1)
+        U = len(visits)
+        flat = visits.reshape(U, -1)
+        visit = np.repeat(flat, self.white.visits // flat.shape[1], axis=1)
         dwell = np.repeat(flat, self.white.dwell // flat.shape[1], axis=1)
-        rest = np.zeros((U, self.white.data.shape[1] - stop.shape[1] - dwell.shape[1]))
-        return np.concatenate([stop, dwell, rest], axis=1)
+        rest = np.zeros((U, self.white.data.shape[1] - visit.shape[1] - dwell.shape[1]))
+        return np.concatenate([visit, dwell, rest], axis=1)
 
     def by_visit(self, rows: Floats) -> Floats:
-        """White rows (U, M), with those of the priors or without, summed up by stop (U, R, V)."""
+        """White rows (U, M), with those of the priors or without, summed up by visit (U, R, V)."""
         U, R, V = self.side.view.grid.slot.shape
-        a, b = self.white.stops, self.white.stops + self.white.dwell
+        a, b = self.white.visits, self.white.visits + self.white.dwell
         parts = (rows[:, :a], rows[:, a:b])
         return np.asarray(sum(p.reshape(U, R, V, -1).sum(3) for p in parts if p.shape[1]))
 
@@ -220,12 +220,12 @@ class _HeldOutTest:
         """Sum of squares of the held-out readings without what is predicted: of means, or of all samples' blocks."""
         known, readings = self.side.known, self.readings
         U, R, V = held.shape
-        stop = (
-            readings.stop[..., 0]
-            - np.einsum("urmp,up->urm", known.own.stop, solved.own)
-            - known.shared.stop @ solved.shared
+        visit = (
+            readings.visit[..., 0]
+            - np.einsum("urmp,up->urm", known.own.visit, solved.own)
+            - known.shared.visit @ solved.shared
         )
-        squares = (stop**2 * (1.0 if readings.dwell is None else self.count[..., 0])).reshape(U, R, V, -1).sum(3)
+        squares = (visit**2 * (1.0 if readings.dwell is None else self.count[..., 0])).reshape(U, R, V, -1).sum(3)
         if readings.dwell is not None:
             dwell = readings.dwell[..., 0]
             for rows, c in ((known.own.dwell, solved.own[:, :, None]), (known.shared.dwell, solved.shared[:, None])):

@@ -44,7 +44,7 @@ def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]
     grid = problem.view.grid
     if grid.k != 3 or not LEAST_VISITS <= grid.slot.shape[2] <= MOST_VISITS:
         return nothing
-    setting, stops = problem.setting.of_units(np.arange(min(grid.units, MOST_UNITS)))
+    setting, visits = problem.setting.of_units(np.arange(min(grid.units, MOST_UNITS)))
     space, slot = setting.space(floor, moving=False), setting.layout.grid.slot
     U, _, V = slot.shape
     if not space.residual.any():
@@ -54,11 +54,11 @@ def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]
     # The readings themselves are the last of all sets.
     sets = np.concatenate([noise, space.residual[..., None]], axis=2)
     e = _calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot)
-    return nothing | {name: frame.found(e, slot, space.dof) for name, frame in _frames(problem, stops, slot)}
+    return nothing | {name: frame.found(e, slot, space.dof) for name, frame in _frames(problem, visits, slot)}
 
 
 def _frames(
-    problem: ScoringProblem, stops: NDArray[np.bool_], slot: NDArray[np.intp]
+    problem: ScoringProblem, visits: NDArray[np.bool_], slot: NDArray[np.intp]
 ) -> Iterator[tuple[str, "_Frame"]]:
     """Units by their offsets, and nests by their turns where poses are known and a unit stays in its nest for a run."""
     units = np.broadcast_to(np.arange(len(slot))[:, None], slot.shape[:2])
@@ -66,9 +66,9 @@ def _frames(
     scene = problem.view.scene
     if not scene.recipe.pose_known or not scene.is_recorded("nest"):
         return
-    nests = np.where(slot >= 0, scene.group("nest")[0][stops][slot], -1)
+    nests = np.where(slot >= 0, scene.group("nest")[0][visits][slot], -1)
     of_run = nests.max(axis=2)
-    turn = problem.view.signature(NestTilt.example(), "common")[0][stops]
+    turn = problem.view.signature(NestTilt.example(), "common")[0][visits]
     if np.all((nests == of_run[..., None]) | (slot < 0)) and np.any(turn):
         yield NEST_STATE, _Frame(np.where(slot[..., None, None] >= 0, turn[slot], 0.0), of_run)
 

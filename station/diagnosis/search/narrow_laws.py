@@ -80,7 +80,7 @@ def _floors(problem: ScoringProblem, floor: NoiseFloor) -> Iterator[NoiseFloor]:
 def _explained(problem: ScoringProblem, bank: Bank, spaces: Sequence[ResidualSpace], floor: NoiseFloor) -> _Explained:
     """What each law of a bank explains in the space that speaks least for it."""
     rows = bank.rows(problem.view.layout, slice(0, problem.view.grid.units))
-    length = np.sum(rows.stop**2, axis=(0, 1, 2)) / floor.noise**2
+    length = np.sum(rows.visit**2, axis=(0, 1, 2)) / floor.noise**2
     each = [_in_space(bank, space.project(rows), length, space) for space in spaces]
     return _Explained(np.min([x.nats for x in each], axis=0), np.max([x.chance for x in each], axis=0))
 

@@ -35,13 +35,13 @@ class NullNoise(NamedTuple):
         if signal.dwell is not None:
             start, noise = self.visits[0, ..., 0].size, noise.copy()
             noise[:, :, start : start + signal.dwell.shape[1]] += signal.dwell[..., 0]
-        return NullNoise(noise, self.visits + signal.stop.astype(np.float32))
+        return NullNoise(noise, self.visits + signal.visit.astype(np.float32))
 
 
-def coloured(stops: Array, true: RunFilter) -> Array:
-    """What a true floor makes of white rows of stops (n, U, R·m): (U, R, m, n)."""
+def coloured(white: Array, true: RunFilter) -> Array:
+    """What a true floor makes of white rows of visits (n, U, R·m): (U, R, m, n)."""
     (U, R), m = true.member.shape, true.rows
-    return true.coloured(np.ascontiguousarray(stops.reshape(-1, U, R, m).transpose(1, 2, 3, 0)))
+    return true.coloured(np.ascontiguousarray(white.reshape(-1, U, R, m).transpose(1, 2, 3, 0)))
 
 
 def noise_of_floor(
@@ -68,19 +68,19 @@ def noise_of_floor(
         variances = np.clip(mean + root @ rng.standard_normal(3), [0.25 * mean[0], 0.0, 0.0], problem.upper)
         true = replace(problem.structure.covariance(variances).runs.single_precision(), member=member)
         rows = true.rows * member.shape[1]
-        stops = rng.standard_normal((draws, len(live), rows), dtype=np.float32) * live[:, :rows]
-        visits = coloured(stops, true)
+        white = rng.standard_normal((draws, len(live), rows), dtype=np.float32) * live[:, :rows]
+        visits = coloured(white, true)
         if bounded is not None:
             # Once as many floors are left as it takes, any set does.
             there = np.flatnonzero(bounded.holds(visits) | (left * draws <= wanted))[:wanted]
             if not len(there):
                 continue
-            stops, visits = stops[there], visits[..., there]
-        others = rng.standard_normal((len(stops), len(live), live.shape[1] - rows), dtype=np.float32) * live[:, rows:]
+            white, visits = white[there], visits[..., there]
+        others = rng.standard_normal((len(white), len(live), live.shape[1] - rows), dtype=np.float32) * live[:, rows:]
         inside = others[:, :, :contrasts]
         truth = problem.view.contrast_noise.of_truth(inside.reshape(*inside.shape[:2], -1, *shape), rng)
         others[:, :, :contrasts] = truth.reshape(inside.shape)
-        yield NullNoise(np.concatenate([stops, others], axis=2), visits)
-        wanted -= len(stops)
+        yield NullNoise(np.concatenate([white, others], axis=2), visits)
+        wanted -= len(white)
         if wanted == 0:
             return

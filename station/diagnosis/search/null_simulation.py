@@ -53,7 +53,7 @@ def scores(
     noise = noise_of_floor(problem, fitted, now, rng, floors, sets // floors, bounded)
     if signal is not None:
         dwell = any(s.space is not None and s.space.dwell for stage in now.stages for s in stage.projected)
-        seen = (signal if dwell else DataColumns(signal.stop)).of_units(chosen)
+        seen = (signal if dwell else DataColumns(signal.visit)).of_units(chosen)
         noise = map(partial(NullNoise.beside, signal=seen), noise)
     while drawn := list(islice(noise, at_once)):
         orders = copy_orders(len(drawn[0].noise), copies, rng) if copies > 1 else None
@@ -114,10 +114,10 @@ class SinglePrecisionBank:
         noise, visits = drawn
         m, space, n = self.runs.rows, self.space, len(noise)
         U, R = self.runs.member.shape
-        stops = self.runs.whiten(visits)
+        white = self.runs.whiten(visits)
         inside = noise[:, :, R * m : R * m + space.dwell]
         priors = noise[:, :, noise.shape[2] - (space.live.shape[1] - R * m - space.dwell) :]
-        rows = np.concatenate([stops.transpose(3, 0, 1, 2).reshape(n, U, R * m), inside, priors], axis=2)
+        rows = np.concatenate([white.transpose(3, 0, 1, 2).reshape(n, U, R * m), inside, priors], axis=2)
         taken = (rows.transpose(1, 0, 2) @ self.basis) @ self.basis.transpose(0, 2, 1)
         return np.asarray(rows - taken.transpose(1, 0, 2))
 

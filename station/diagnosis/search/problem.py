@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, smooth_causes
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.nuisance import AcceptedCause, active_together, nuisance_of
 from station.diagnosis.candidates.solve import solve, whitened
 from station.diagnosis.data.reduce import ReducedScene
@@ -27,7 +27,7 @@ from station.model.effects.bias_walk import BiasWalk
 from station.model.effects.repeatability import Repeatability
 from station.model.model_file import Model, ModelEffect
 
-#: Time from stop to stop for which the allowance of the walk holds; it grows with the root of time.
+#: Time from visit to visit for which the allowance of the walk holds; it grows with the root of time.
 REFERENCE_INTERVAL_S = 2.5
 #: A parameter of a model is never known better than to this share of the cause's typical size.
 MIN_STD_SHARE = 1e-4
@@ -38,7 +38,8 @@ FAR, LEAST_STEP_SHARE = 0.02, 1 / 256
 
 @dataclass(frozen=True, slots=True)
 class FloorAllowance:
-    """What a healthy rig's floor may hold: turn, rad a stop; walk, recipe's unit a stop of 2.5 s. More is a finding."""
+    """What a healthy rig's floor may hold: turn, rad a visit; walk, recipe's unit a visit of 2.5 s. More is a
+    finding."""
 
     turn: float = 1e-4
     walk: float = 1e-5
@@ -56,7 +57,7 @@ class FloorAllowance:
         return FloorAllowance(turn, walk)
 
     def upper(self, gap_s: float) -> Floats:
-        """Bounds of the variances σ², τ_r², τ_w² where stops follow each other so many seconds apart."""
+        """Bounds of the variances σ², τ_r², τ_w² where visits follow each other so many seconds apart."""
         longer = max(1.0, gap_s / REFERENCE_INTERVAL_S)
         return np.array([np.inf, self.turn**2, self.walk**2 * longer])
 
@@ -102,7 +103,7 @@ def _structure(view: ResidualView) -> FloorStructure:
 
 
 def visit_interval_s(view: ResidualView) -> float:
-    """The usual time from one stop to the next."""
+    """The usual time from one visit to the next."""
     steps = np.diff(view.scene.time_s)[view.scene.visits.previous[1:] >= 0]
     return float(np.median(steps)) if len(steps) else 0.0
 
@@ -130,7 +131,7 @@ def _accepted_from_model(view: ResidualView, modelled: ModelEffect) -> Iterator[
         hit = np.any(found.coefficients != 0.0, axis=1) | np.any(std > 0, axis=1)
         if hit.any():
             std = np.maximum(std, MIN_STD_SHARE * effect.parameter.typical * effect.parameter.scale(view.scene.recipe))
-            columns = StopColumns.of(*view.signature(found.effect, found.of))
+            columns = CauseColumns.of(*view.signature(found.effect, found.of))
             candidate = Candidate(effect.id, found.effect, found.of, "own", code, names, columns)
             yield AcceptedCause(candidate, hit, found.coefficients, found.coefficients, std)
 

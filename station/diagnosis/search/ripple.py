@@ -79,10 +79,10 @@ def _white_blocks(problem: ScoringProblem, floor: NoiseFloor) -> tuple[Floats, i
     space = setting.space(floor, moving=problem.view.reduced.contrast.shape[1] > 0)
     slot = setting.layout.grid.slot
     residual, numbers = space.residual, slot[0].size * 3
-    stops = residual[:, :numbers].reshape(*slot.shape, 1, 3)
+    visits = residual[:, :numbers].reshape(*slot.shape, 1, 3)
     inside = residual[:, numbers : numbers + space.dwell].reshape(*slot.shape, -1, 3)
     there = slot >= 0
-    white = np.concatenate([stops, inside], axis=3)[there][np.argsort(slot[there])]
+    white = np.concatenate([visits, inside], axis=3)[there][np.argsort(slot[there])]
     return white, space.dof, problem.view.sigma / floor.noise
 
 

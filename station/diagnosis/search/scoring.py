@@ -26,7 +26,7 @@ AT_BOUND_SHARE = 0.99
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoringSetting:
-    """What a cause is judged in: how stops become rows, the floor's structure, what is known, and the readings."""
+    """What a cause is judged in: how visits become rows, the floor's structure, what is known, and the readings."""
 
     layout: RowLayout
     structure: FloorStructure
@@ -34,11 +34,11 @@ class ScoringSetting:
     data: DataColumns
 
     def readings(self, *, moving: bool) -> tuple[DataColumns, int]:
-        """What a cause that moves within a stop, or not, is judged by: means with contrasts, or means alone; and
+        """What a cause that moves within a visit, or not, is judged by: means with contrasts, or means alone; and
         how many numbers that is."""
         count = self.layout.grid.data
         if not (moving or self.known.moving) or self.data.dwell is None:
-            return DataColumns(self.data.stop), count
+            return DataColumns(self.data.visit), count
         return self.data, count + int(np.count_nonzero(self.data.dwell))
 
     def space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace:
@@ -47,15 +47,15 @@ class ScoringSetting:
 
     def scored_space(self, at: NoiseFloor, *, moving: bool) -> ResidualSpace | PartedSpace:
         """The same to score a bank in; of more than few units not held, where it need not be."""
-        if self.layout.grid.units <= FEW_UNITS or self.known.shared.stop.shape[-1]:
+        if self.layout.grid.units <= FEW_UNITS or self.known.shared.visit.shape[-1]:
             return self.space(at, moving=moving)
         return PartedSpace(self.structure.covariance(at.variances), self.known, *self.readings(moving=moving))
 
     def of_units(self, chosen: Array) -> "tuple[ScoringSetting, Array]":
-        """The setting of the chosen units alone, and which stops (v) are theirs."""
-        layout, stops = self.layout.of_units(chosen)
+        """The setting of the chosen units alone, and which visits (v) are theirs."""
+        layout, visits = self.layout.of_units(chosen)
         structure = replace(self.structure, member=self.structure.member[chosen])
-        return ScoringSetting(layout, structure, self.known.of_units(chosen), self.data.of_units(chosen)), stops
+        return ScoringSetting(layout, structure, self.known.of_units(chosen), self.data.of_units(chosen)), visits
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class AmplitudeLikelihood(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredBank:
-    """Candidates under one floor: still ones see the stops' means, moving ones the contrasts too."""
+    """Candidates under one floor: still ones see the visits' means, moving ones the contrasts too."""
 
     floor: NoiseFloor
     projected: tuple[ProjectedBank, ...]
@@ -246,7 +246,7 @@ def score_bank(problem: ScoringProblem, banks: Sequence[Bank], at: NoiseFloor, *
 
 
 def score_in_noise(problem: ScoringProblem, first: ScoredBank, at: NoiseFloor) -> ScoredBank:
-    """A bank that was scored under one floor under a multiple of it. Of what stands still in a stop that is known
+    """A bank that was scored under one floor under a multiple of it. Of what stands still in a visit that is known
     already, where nothing that is known has a prior."""
     known, factor = problem.known, at.noise / first.floor.noise
     seen = [None if s.bank.moving or known.moving or known.prior_count else s.in_noise(factor) for s in first.projected]

@@ -193,7 +193,7 @@ def _prefer_evident_cause(
     now = score_over_walks(grown, banks, grown.fit(leader.at.floor).floor)
     rivals: dict[str, RankedCause] = {}
     keep_best(rivals, now, now.without())
-    # A jump that the bank's times miss by a stop is two steps of a walk.
+    # A jump that the bank's times miss by a visit is two steps of a walk.
     rivals = tune_forms(grown, rivals)
     cause = leaders(rivals)[0]
     if cause is None or cause.evidence < EVIDENT_NATS:

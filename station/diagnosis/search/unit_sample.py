@@ -30,16 +30,16 @@ GOLDEN_RATIO = (np.sqrt(5.0) - 1) / 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitSample:
-    """The setting of the sampled units, which stops (v) are theirs, and for how many units each of them stands."""
+    """The setting of the sampled units, which visits (v) are theirs, and for how many units each of them stands."""
 
     setting: ScoringSetting
-    stops: NDArray[np.bool_]
+    visits: NDArray[np.bool_]
     share: float
 
     def banks(self, candidates: Sequence[Candidate]) -> tuple[Bank, ...]:
-        """Banks of candidates of the whole fleet, those that move within a stop apart, if there are any."""
-        columns = {id(c.columns): c.columns.select_visits(self.stops) for c in candidates}
-        codes = {id(c.code): c.code[self.stops] for c in candidates}
+        """Banks of candidates of the whole fleet, those that move within a visit apart, if there are any."""
+        columns = {id(c.columns): c.columns.select_visits(self.visits) for c in candidates}
+        codes = {id(c.code): c.code[self.visits] for c in candidates}
         items = [replace(c, code=codes[id(c.code)], columns=columns[id(c.columns)]) for c in candidates]
         kinds = sorted({c.moving for c in items})
         return tuple(build_bank(items, self.setting.layout, moving=moving) for moving in kinds)
@@ -47,9 +47,9 @@ class UnitSample:
     def of(self, candidate: Candidate, hit: Floats) -> tuple[Candidate, Floats]:
         """A candidate of the whole fleet and which of its groups (groups) act, as the sample has them."""
         there = np.zeros(len(hit))
-        there[candidate.code[self.stops]] = 1.0
-        plain = candidate.plain and candidate.plain.select_visits(self.stops)
-        return replace(candidate.select_visits(self.stops), plain=plain), hit * there
+        there[candidate.code[self.visits]] = 1.0
+        plain = candidate.plain and candidate.plain.select_visits(self.visits)
+        return replace(candidate.select_visits(self.visits), plain=plain), hit * there
 
     def fitted(self, problem: ScoringProblem, start: NoiseFloor) -> NoiseFloor:
         """The floor that fits the sample of a problem best."""
@@ -96,5 +96,5 @@ def sampled_units(setting: ScoringSetting, count: int, which: int = 0) -> UnitSa
     units = setting.layout.grid.units
     if units < LEAST_SHARE * count:
         return None
-    some, stops = setting.of_units(spread_units(units, count, which))
-    return UnitSample(some, np.asarray(stops, bool), units / count)
+    some, visits = setting.of_units(spread_units(units, count, which))
+    return UnitSample(some, np.asarray(visits, bool), units / count)

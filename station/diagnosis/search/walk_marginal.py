@@ -131,8 +131,8 @@ def replicate_units(
 ) -> WalkMarginal:
     """A panel of the chosen units alone, as if there were so many times as many of them, with the axes. slow: see
     `slow_candidates`."""
-    setting, stops = problem.setting.of_units(chosen)
-    items = [c.select_visits(stops) for bank in banks for c in bank.candidates]
+    setting, visits = problem.setting.of_units(chosen)
+    items = [c.select_visits(visits) for bank in banks for c in bank.candidates]
     panel = [build_bank(items, setting.layout, moving=bank.moving) for bank in banks]
     at = partial(score_under_floors, setting, copies=copies, axes=True)
     (best,) = at(panel, [floor])
@@ -192,7 +192,7 @@ def _walk_shares(problem: ScoringProblem, bank: Bank, floor: NoiseFloor, most: f
     space = problem.setting.of_units(np.arange(units.stop))[0].space(floor, moving=bank.moving)
     columns, runs = space.project(bank.rows(layout, units)), space.covariance.runs
     U, R = runs.member.shape
-    stops = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
-    added = most**2 * problem.structure.walked(runs.transposed(stops), units)
+    visits = columns[:, : R * runs.rows].reshape(U, R, runs.rows, -1)
+    added = most**2 * problem.structure.walked(runs.transposed(visits), units)
     length = np.maximum(np.einsum("umk,umk->k", columns, columns), 1e-300)
     return np.array([added[at].sum() / max(float(length[at].sum()), 1e-300) for at in bank.place])

@@ -26,7 +26,7 @@ FACTORS = (0.001, 1 / 9.80665, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 9.80665, 16
 GAIN_FACTOR = 1.15
 #: Lengths that spread by more than this share do not tell a factor without the ellipsoid they lie on.
 MAX_LENGTH_SPREAD = 0.1
-#: Nats that a decoding is worth which no other stop can confirm.
+#: Nats that a decoding is worth which no other visit can confirm.
 PLAIN_NATS = 10.0
 #: Likeness (cosine) of the fitted matrix to the best mapping, and how much better than to the right one.
 MIN_COSINE, MIN_COSINE_LEAD = 0.9, 0.15
@@ -42,7 +42,7 @@ class AxisDecoding:
 
 
 def wrong_decodings(scene: Scene, mean: Floats, clipped: Container[int]) -> dict[int, AxisDecoding]:
-    """What is on the axes of each unit that is decoded wrongly; mean (v, 3) of the stops; clipped: the units whose
+    """What is on the axes of each unit that is decoded wrongly; mean (v, 3) of the visits; clipped: the units whose
     readings are cut off, which makes them look smaller by any factor other than that of a range or unit."""
     found, true = {}, _nominal(scene)
     for u, rows in enumerate(rows_of_units(scene.visits.unit)):
@@ -108,7 +108,7 @@ def _factor(measured: float) -> float:
 
 
 def faults(table: SampleTable, scene: Scene, found: dict[int, AxisDecoding], mean: Floats) -> list[GrossFault]:
-    """The faults of the units that are decoded wrongly; mean (v, 3) of the stops."""
+    """The faults of the units that are decoded wrongly; mean (v, 3) of the visits."""
     turned = {u: r for u, r in found.items() if r.mapping}
     scaled = {u: r for u, r in found.items() if r.factor != 1.0}
     out = []
@@ -140,9 +140,9 @@ def _nats(gain: BlockGain | None) -> float:
 
 
 def _held_out_gain(scene: Scene, mean: Floats, found: dict[int, AxisDecoding]) -> BlockGain | None:
-    """The gain of another decoding of some units at the stops it was not fitted to. Mapping, factor and offset are
-    fitted to every second stop of a unit and predict the others; the comparison is the readings as they came with an
-    offset alone. The spread is that of the fitted stops. Where only the length of the stimulus is known, lengths are
+    """The gain of another decoding of some units at the visits it was not fitted to. Mapping, factor and offset are
+    fitted to every second visit of a unit and predict the others; the comparison is the readings as they came with an
+    offset alone. The spread is that of the fitted visits. Where only the length of the stimulus is known, lengths are
     predicted."""
     score, squares = [], np.zeros(2)
     true, of_unit = _nominal(scene), rows_of_units(scene.visits.unit)
@@ -168,7 +168,7 @@ def _held_out_gain(scene: Scene, mean: Floats, found: dict[int, AxisDecoding]) -
 
 
 def _gaussian_scores(y: Floats, predicted: Floats, fitted: Array, judged: Array) -> tuple[Floats, float]:
-    """Log-likelihood (j) of the stops judged, with offset and spread of those fitted, and their sum of squares."""
+    """Log-likelihood (j) of the visits judged, with offset and spread of those fitted, and their sum of squares."""
     offset = (y - predicted)[fitted].mean(0) if y.shape[1] == 3 else np.zeros(1)
     off = (y - predicted - offset)[fitted]
     spread = max(float(np.sqrt(np.mean(off**2))), 1e-6 * float(np.abs(y).max()), 1e-300)
@@ -177,7 +177,7 @@ def _gaussian_scores(y: Floats, predicted: Floats, fitted: Array, judged: Array)
 
 
 def _nominal(scene: Scene) -> Floats:
-    """What an ideal part feels at each stop (v, 3)."""
+    """What an ideal part feels at each visit (v, 3)."""
     visits = scene.visits
     return np.asarray(np.einsum("vji,vj->vi", np.einsum("vij,vjk->vik", visits.nest_R, visits.seat_R), visits.stimulus))
 

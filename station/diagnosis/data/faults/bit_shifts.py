@@ -125,11 +125,11 @@ def _kinds(true: Floats, size: float) -> NDArray[np.intp]:
     return kind
 
 
-def dwells_of_unit(table: SampleTable, stop: NDArray[np.intp], true: Floats, unit: int) -> Dwells:
-    """Those of a unit of a table whose samples are in stops (n), rising, which should feel true (v, 3)."""
+def dwells_of_unit(table: SampleTable, visit: NDArray[np.intp], true: Floats, unit: int) -> Dwells:
+    """Those of a unit of a table whose samples are in visits (n), rising, which should feel true (v, 3)."""
     rows, size = rows_of_units(table.unit)[unit], float(np.linalg.norm(true, axis=1).max())
-    first, last = int(stop[rows.start]), int(stop[rows.stop - 1])
-    return Dwells(table.reading[rows], stop[rows] - first, true[first : last + 1], size)
+    first, last = int(visit[rows.start]), int(visit[rows.stop - 1])
+    return Dwells(table.reading[rows], visit[rows] - first, true[first : last + 1], size)
 
 
 def restored(dwells: Dwells, bits: Bits, lsb: float) -> Floats:

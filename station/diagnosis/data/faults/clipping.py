@@ -14,10 +14,10 @@ from station.diagnosis.data.faults.gross_fault import (
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
-#: Share of a stop's samples at the extreme from which it is clipped, and share at the commonest value from which
-#: nothing can be said because every stop looks like that.
+#: Share of a visit's samples at the extreme from which it is clipped, and share at the commonest value from which
+#: nothing can be said because every visit looks like that.
 CLIPPED_SHARE, COMMON_SHARE = 0.3, 0.15
-#: Up to this share, which steps of 1.45 noises make, a stop is clipped where nearly all of so many samples are at the
+#: Up to this share, which steps of 1.45 noises make, a visit is clipped where nearly all of so many samples are at the
 #: extreme: no noise puts more than half of them into one step.
 COARSE_SHARE, WHOLE_SHARE, MIN_WHOLE_SAMPLES = 0.4, 0.9, 16
 #: Where no step of the output is known readings are told apart to this share of their noise.
@@ -27,23 +27,23 @@ MIN_CLIPPED_SAMPLES = 5
 #: No limit below or above, of three axes (2, 3).
 _OPEN = np.array([[-np.inf], [np.inf]]) * np.ones(3)
 
-#: Limits (2, 3) by unit, and which samples (n) are of a clipped stop.
+#: Limits (2, 3) by unit, and which samples (n) are of a clipped visit.
 CutOff = tuple[dict[int, Floats], NDArray[np.bool_]]
 
 
-def clipped(table: SampleTable, stop: NDArray[np.intp]) -> CutOff:
+def clipped(table: SampleTable, visit: NDArray[np.intp]) -> CutOff:
     """Lower and upper limit of each axis (2, 3) of each clipped unit, infinite where an axis shows none, and which
-    samples (n) belong to a clipped stop."""
+    samples (n) belong to a clipped visit."""
     limits: dict[int, Floats] = {}
     bad = np.zeros(len(table), bool)
     for u, rows in enumerate(rows_of_units(table.unit)):
         if rows.stop - rows.start < 2 * MIN_CLIPPED_SAMPLES:
             continue
-        reading, where = table.reading[rows], stop[rows] - stop[rows.start]
+        reading, where = table.reading[rows], visit[rows] - visit[rows.start]
         found = _limits(reading, where)
         if np.isfinite(found).any():
             limits[u] = found
-            # Where any sample stands at the limit the mean of the stop is wrong, too.
+            # Where any sample stands at the limit the mean of the visit is wrong, too.
             bad[rows] = np.asarray((_share(_stands(reading, found), where) > 0).any(axis=1))[where]
     return limits, bad
 
@@ -83,22 +83,22 @@ def _stands(reading: Floats, limits: Floats) -> NDArray[np.bool_]:
 
 
 def _share(at: NDArray[np.bool_], where: NDArray[np.intp]) -> Floats:
-    """Of each stop and axis the share of samples (s, 3) that are `at` (n, 3)."""
+    """Of each visit and axis the share of samples (s, 3) that are `at` (n, 3)."""
     count = np.bincount(where)
     hits = [np.bincount(where[column], minlength=len(count)) for column in at.T]
     return np.asarray(np.stack(hits, axis=1) / np.maximum(count, 1)[:, None])
 
 
 def _repeat_share(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> Floats:
-    """For each axis (3) the median over stops that are `fine` (s, 3) of the share of neighbours that read the same; NaN
-    where there is none."""
+    """For each axis (3) the median over visits that are `fine` (s, 3) of the share of neighbours that read the same;
+    NaN where there is none."""
     same = (np.diff(reading, axis=0) == 0) & (np.diff(where) == 0)[:, None]
     equal = np.stack([np.bincount(where[1:], s, len(fine)) for s in same.T], 1)
     shares = equal / np.maximum(np.bincount(where, minlength=len(fine)), 1)[:, None]
     return np.array([np.median(s[f]) if f.any() else np.nan for s, f in zip(shares.T, fine.T, strict=True)])
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], cut_off: CutOff) -> list[GrossFault]:
+def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], cut_off: CutOff) -> list[GrossFault]:
     """Units that saturate below their full scale; cut_off: what `clipped` finds of the table."""
     limits, bad = cut_off
     full = recipe.device.full_scale
@@ -114,7 +114,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], cut_off: 
     axis, value = _named_limits(next(iter(limits.values())))[0]
     where = f"at {f'{axis} = ' if axis else '±'}{value:.4g} {recipe.unit}"
     sentence = f"{int(bad.sum())} samples stand still {where}"
-    scores = [_scores(table.reading[rows], stop[rows], limits[u], recipe.device.lsb)
+    scores = [_scores(table.reading[rows], visit[rows], limits[u], recipe.device.lsb)
               for u, rows in enumerate(rows_of_units(table.unit)) if u in limits]  # fmt: skip
     gain = block_gain(np.concatenate([s for s, _ in scores]), np.concatenate([n for _, n in scores]), "sample")
     return [GrossFault("clipping", "unit", numbers, sentence, float(bad.sum()), gain=gain)]
@@ -128,15 +128,15 @@ def _named_limits(limits: Floats) -> list[tuple[str | None, float]]:
     return [("xyz"[i], float(limits[side, i])) for side, i in np.argwhere(np.isfinite(limits))]
 
 
-def _scores(reading: Floats, stop: NDArray[np.intp], limits: Floats, lsb: float) -> tuple[Floats, Floats]:
-    """Of each stop of a unit (s): by how much likelier its samples are where some share of them stands exactly at the
-    limit, than where all are noise; and how many samples these are, 0 in stops that no limit touches.
+def _scores(reading: Floats, visit: NDArray[np.intp], limits: Floats, lsb: float) -> tuple[Floats, Floats]:
+    """Of each visit of a unit (s): by how much likelier its samples are where some share of them stands exactly at the
+    limit, than where all are noise; and how many samples these are, 0 in visits that no limit touches.
 
-    Every share is as likely beforehand, ∫ p^k (1 − p)^(n−k) dp = B(k + 1, n − k + 1): a limit cuts a stop whole that
+    Every share is as likely beforehand, ∫ p^k (1 − p)^(n−k) dp = B(k + 1, n − k + 1): a limit cuts a visit whole that
     reaches far beyond it, and touches another with the ends of its noise. Noise puts at most lsb/(σ·√2π) of the samples
-    on one value, σ the median spread of the stops that are not clipped.
+    on one value, σ the median spread of the visits that are not clipped.
     """
-    where = stop - stop[0]
+    where = visit - visit[0]
     count = np.bincount(where)
     share = _share(_stands(reading, limits), where)
     sigma = _spread(reading, where, share == 0)
@@ -150,7 +150,7 @@ def _scores(reading: Floats, stop: NDArray[np.intp], limits: Floats, lsb: float)
 
 
 def _spread(reading: Floats, where: NDArray[np.intp], fine: NDArray[np.bool_]) -> float:
-    """Median over stops and axes that are fine of the standard deviation of their samples."""
+    """Median over visits and axes that are fine of the standard deviation of their samples."""
     count = np.bincount(where)[:, None]
     mean, square = (np.stack([np.bincount(where, x) for x in values.T], 1) / count for values in (reading, reading**2))
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))[fine]

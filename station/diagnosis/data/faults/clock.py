@@ -1,11 +1,11 @@
 """The device's clock: frames counted over spans of the host's time.
 
 Stamps of a host are late by whatever it was busy with, never early, so no single gap tells a rate. Frames are numbered
-in the order of arrival; a frame is taken for lost only where all stamps after it in the stop stay late by a whole
-period. The slope of number against stamp is then fitted over each stop, or over the whole run where a counter bridges
-the stops, and its standard deviation is that of the stops among each other: jitter is whatever they scatter by. Of
-frames that are handed over in bursts the last of each burst counts, and none of a stop's last, which the stop may cut.
-"""
+in the order of arrival; a frame is taken for lost only where all stamps after it in the visit stay late by a whole
+period. The slope of number against stamp is then fitted over each visit, or over the whole run where a counter bridges
+the visits, and its standard deviation is that of the visits among each other: jitter is whatever they scatter by. Of
+frames that are handed over in bursts the last of each burst counts, and none of a visit's last, which the visit may
+cut."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ MAX_RATE_ERROR = 0.15
 STAMP_STD_S = 1e-6
 #: Without a counter frames that are missing can be counted where stamps scatter by less than this share of a period.
 MAX_SCATTER = 0.08
-#: Frames come in bursts where at least this share of steps within stops is shorter than this share of the mean one.
+#: Frames come in bursts where at least this share of steps within visits is shorter than this share of the mean one.
 IN_BURSTS, IN_BURST = 1 / 4, 0.2
 #: Rounds of numbering the frames by the rate and fitting the rate to the numbers.
 ROUNDS = 3
@@ -43,18 +43,18 @@ ROUNDS = 3
 @dataclass(frozen=True, slots=True, eq=False)
 class ClockRates:
     """Of each unit (U) the relative error of its rate and the standard deviation, NaN where nothing tells; error,
-    weight, frames (u, s): of each of its stops on its own, weight 0 where a stop tells nothing."""
+    weight, frames (u, s): of each of its visits on its own, weight 0 where a visit tells nothing."""
 
     error: Floats
     std: Floats
-    stops: tuple[tuple[Floats, Floats, Floats], ...]
+    visits: tuple[tuple[Floats, Floats, Floats], ...]
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
+def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose sample rate is beyond the data sheet's tolerance; none where no data sheet states a rate."""
     if not states_rate(recipe):
         return []
-    found = rates(recipe, table, stop)
+    found = rates(recipe, table, visit)
     error, std = found.error, found.std
     tolerance = recipe.device.clock_tolerance_ppm * 1e-6
     beyond = (np.abs(error) - tolerance) / std
@@ -74,7 +74,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
         for u in np.flatnonzero(np.isfinite(error) & (np.abs(error) < MAX_RATE_ERROR))
     )
     sentence = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"
-    gain = _held_out_gain([found.stops[int(u)] for u in np.flatnonzero(off)], tolerance)
+    gain = _held_out_gain([found.visits[int(u)] for u in np.flatnonzero(off)], tolerance)
     nats = float(0.5 * np.sum(beyond[off] ** 2)) if gain is None else max(gain.total, 0.0)
     return [GrossFault("clock-error", "unit", numbers, sentence, nats, gain=gain)]
 
@@ -85,8 +85,8 @@ def states_rate(recipe: Recipe) -> bool:
 
 
 def _held_out_gain(units: list[tuple[Floats, Floats, Floats]], tolerance: float) -> BlockGain | None:
-    """The gain of the rate of one half of a unit's stops at the other half, against the nearest rate within the
-    tolerance; Gaussian, with the scatter of the fitted stops."""
+    """The gain of the rate of one half of a unit's visits at the other half, against the nearest rate within the
+    tolerance; Gaussian, with the scatter of the fitted visits."""
     scores, counts = [], []
     for every, weights, number in units:
         live = weights > 0
@@ -105,35 +105,35 @@ def _held_out_gain(units: list[tuple[Floats, Floats, Floats]], tolerance: float)
     return block_gain(np.concatenate(scores), np.concatenate(counts), "frame") if scores else None
 
 
-def rates(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> ClockRates:
+def rates(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> ClockRates:
     """Each unit's rate against the recipe's. Frames are numbered by the counter, or by their place where there is none,
-    and fitted against time stop by stop, or over a whole run where the counter cannot have wrapped unnoticed in
+    and fitted against time visit by visit, or over a whole run where the counter cannot have wrapped unnoticed in
     between. Where frames are missing and stamps scatter too much to count them, the rate is unknown."""
     bits, nominal = recipe.device.counter_bits, recipe.device.rate_hz
     has = "counter" in table.values
-    counted = unwrapped(table.values["counter"], stop, bits) if has else None
+    counted = unwrapped(table.values["counter"], visit, bits) if has else None
     error, std = np.full((2, len(table.unit.names)), np.nan)
-    stops = [(np.zeros(0), np.zeros(0), np.zeros(0))] * len(error)
+    visits = [(np.zeros(0), np.zeros(0), np.zeros(0))] * len(error)
     for u, of in enumerate(rows_of_units(table.unit)):
         rows = np.arange(of.start, of.stop)
         if len(rows) < 3:
             continue
-        t, group, number = _numbered(table, stop, counted, rows)
+        t, group, number = _numbered(table, visit, counted, rows)
         kept = _fresh(t, group)
         if counted is None and not _is_countable(t[kept], number[kept], group[kept], _places(group)[kept]):
             continue
-        error[u], std[u], stops[u] = _slope(t[kept], number[kept] / nominal, group[kept], group[kept])
+        error[u], std[u], visits[u] = _slope(t[kept], number[kept] / nominal, group[kept], group[kept])
         if has and np.isfinite(std[u]):
             starts = np.flatnonzero(np.diff(group, prepend=-1))
             joined = _numbers_across_visits(table, rows, number, starts, error[u], std[u], (nominal, bits))
             if joined is not None:
                 error[u], std[u], _ = _slope(t[kept], joined[kept] / nominal, table.run[rows][kept], group[kept])
-    return ClockRates(error, std, tuple(stops))
+    return ClockRates(error, std, tuple(visits))
 
 
 def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:
-    """The frames (n) that show the time: all, or the last of each burst that ended within its stop. A burst is stamped
-    when it is handed over, at the arrival of its last frame; of a burst that the stop cuts off, that frame is
+    """The frames (n) that show the time: all, or the last of each burst that ended within its visit. A burst is stamped
+    when it is handed over, at the arrival of its last frame; of a burst that the visit cuts off, that frame is
     missing."""
     step = np.diff(time_s)
     within = group[1:] == group[:-1]
@@ -145,37 +145,37 @@ def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:
 
 
 def frames_of(
-    recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], unit: int
+    recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], unit: int
 ) -> tuple[Floats, NDArray[np.intp], NDArray[np.int64]]:
-    """Stamps (n) of a unit's frames by the host's clock, s, the stop of each, and its number by the device."""
+    """Stamps (n) of a unit's frames by the host's clock, s, the visit of each, and its number by the device."""
     bits = recipe.device.counter_bits
-    counted = unwrapped(table.values["counter"], stop, bits) if "counter" in table.values else None
+    counted = unwrapped(table.values["counter"], visit, bits) if "counter" in table.values else None
     of = rows_of_units(table.unit)[unit]
-    return _numbered(table, stop, counted, np.arange(of.start, of.stop))
+    return _numbered(table, visit, counted, np.arange(of.start, of.stop))
 
 
 def _numbered(
-    table: SampleTable, stop: NDArray[np.intp], counted: NDArray[np.int64] | None, rows: NDArray[np.intp]
+    table: SampleTable, visit: NDArray[np.intp], counted: NDArray[np.int64] | None, rows: NDArray[np.intp]
 ) -> tuple[Floats, NDArray[np.intp], NDArray[np.int64]]:
-    t, group = table.time_s[rows], stop[rows] - stop[rows[0]]
+    t, group = table.time_s[rows], visit[rows] - visit[rows[0]]
     return t, group, _numbers_in_order(t, group) if counted is None else counted[rows]
 
 
 def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
-    """Numbers (n) of frames without a counter, from 0 in each stop (group): their order, plus the frames lost for good.
-    Of the periods that the gaps suggest, the one is taken that leaves the stamps nearest to a line."""
+    """Numbers (n) of frames without a counter, from 0 in each visit (group): their order, plus the frames lost for
+    good. Of the periods that the gaps suggest, the one is taken that leaves the stamps nearest to a line."""
     number, kept = _places(group), _fresh(time_s, group)
     number[kept] = _numbers_of_stamps(time_s[kept], group[kept], number[kept])
     return number
 
 
 def _places(group: Array) -> NDArray[np.int64]:
-    """The place (n) of each frame in its stop, from 0."""
+    """The place (n) of each frame in its visit, from 0."""
     return np.asarray(np.arange(len(group)) - np.repeat(*_first_and_count(group)), np.int64)
 
 
 def _numbers_of_stamps(time_s: Floats, group: Array, place: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers (n) of frames at these places of their stops, as many ahead of the place as were lost before."""
+    """Numbers (n) of frames at these places of their visits, as many ahead of the place as were lost before."""
     within = group[1:] == group[:-1]
     gap = np.diff(time_s)[within] / np.diff(place)[within]
     usual = float(np.median(gap)) if len(gap) else 0.0
@@ -213,7 +213,7 @@ def _numbers_by_period(
     since = time_s - np.repeat(time_s[_first_and_count(group)[0]], _first_and_count(group)[1])
     for _ in range(ROUNDS):
         late = since / period - place
-        # The least lateness of all that follow in the stop: a late stamp is made up for, a lost frame is not.
+        # The least lateness of all that follow in the visit: a late stamp is made up for, a lost frame is not.
         lost = _running_minimum(late[::-1], group[::-1])[::-1]
         number = place + np.maximum(np.round(lost), 0).astype(np.int64)
         device_s = np.asarray(number * period, float)
@@ -234,10 +234,10 @@ def _running_minimum(values: Floats, group: Array) -> Floats:
 
 
 def _slope(
-    time_s: Floats, device_s: Floats, group: Array, stop: Array
+    time_s: Floats, device_s: Floats, group: Array, visit: Array
 ) -> tuple[float, float, tuple[Floats, Floats, Floats]]:
     """Relative error of the device's time against the host's, with one offset for each group, and its deviation by the
-    scatter of the stops; and error, weight and frames (s) of each stop on its own."""
+    scatter of the visits; and error, weight and frames (s) of each visit on its own."""
     code = np.cumsum(np.diff(group, prepend=group[:1]) != 0)
     count = np.bincount(code)
     t = time_s - (np.bincount(code, time_s) / count)[code]
@@ -249,20 +249,20 @@ def _slope(
     slope = float(t @ y) / spread
     residual = y - slope * t
     std = float(np.sqrt(np.sum(residual**2) / free / spread))
-    pulls, weight = np.bincount(stop, residual * t), np.bincount(stop, t * t)
-    own = np.where(weight > 0, np.bincount(stop, t * y) / np.where(weight > 0, weight, 1.0), 0.0)
+    pulls, weight = np.bincount(visit, residual * t), np.bincount(visit, t * t)
+    own = np.where(weight > 0, np.bincount(visit, t * y) / np.where(weight > 0, weight, 1.0), 0.0)
     spare = max(len(pulls) - (len(count) if len(count) < len(pulls) else 0) - 1, 1)
     std = max(std, float(np.sqrt(np.sum(pulls**2) * len(pulls) / spare)) / spread)
-    return slope, std + 1e-9, (own, np.asarray(weight, float), np.bincount(stop).astype(float))
+    return slope, std + 1e-9, (own, np.asarray(weight, float), np.bincount(visit).astype(float))
 
 
 def _numbers_across_visits(
     table: SampleTable, rows: NDArray[np.intp], number: NDArray[np.int64], starts: NDArray[np.intp],
     error: float, std: float, clock: tuple[float, int],
 ) -> NDArray[np.int64] | None:  # fmt: skip
-    """Frame numbers of a unit counted on from stop to stop, or None where the counter may have gone round.
+    """Frame numbers of a unit counted on from visit to visit, or None where the counter may have gone round.
 
-    starts: where among the unit's rows each stop begins.
+    starts: where among the unit's rows each visit begins.
     """
     nominal, bits = clock
     span, begin, end = 1 << bits, starts[1:], starts[1:] - 1
@@ -273,7 +273,7 @@ def _numbers_across_visits(
         return None
     step = (raw[begin] - raw[end]) % span
     step += span * np.rint((gap * nominal * (1 + error) - step) / span).astype(np.int64)
-    # What each stop is ahead by adds up over a run.
+    # What each visit is ahead by adds up over a run.
     ahead = np.append(0, np.cumsum(np.where(same, number[end] + step - number[begin], 0)))
     first = np.maximum.accumulate(np.append(0, np.where(same, 0, np.arange(1, len(starts)))))
     return np.asarray(number + np.repeat(ahead - ahead[first], np.diff(np.append(starts, len(rows)))))

@@ -1,4 +1,4 @@
-"""Lost, repeated and reordered frames, from the frame counter, stop by stop."""
+"""Lost, repeated and reordered frames, from the frame counter, visit by visit."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ HEALTHY_EVENT_RATE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameTally:
-    """Per stop (v): its unit; frames sent, arrived, different; and how often one stepped back."""
+    """Per visit (v): its unit; frames sent, arrived, different; and how often one stepped back."""
 
     unit: NDArray[np.intp]
 
@@ -36,28 +36,28 @@ class FrameTally:
         )
 
 
-def unwrapped(counter: Floats, stop: NDArray[np.intp], bits: int) -> NDArray[np.int64]:
-    """The counter (n) without its overflow, starting anew in each stop."""
+def unwrapped(counter: Floats, visit: NDArray[np.intp], bits: int) -> NDArray[np.int64]:
+    """The counter (n) without its overflow, starting anew in each visit."""
     span = 1 << bits
     whole = counter.astype(np.int64)
     step = np.asarray((np.diff(whole, prepend=whole[:1]) + span // 2) % span - span // 2, np.int64)
-    step[np.flatnonzero(np.diff(stop, prepend=-1))] = 0
+    step[np.flatnonzero(np.diff(visit, prepend=-1))] = 0
     total = np.cumsum(step)
-    first = np.flatnonzero(np.diff(stop, prepend=-1))
-    return np.asarray(total - np.repeat(total[first], np.diff(np.append(first, len(stop)))))
+    first = np.flatnonzero(np.diff(visit, prepend=-1))
+    return np.asarray(total - np.repeat(total[first], np.diff(np.append(first, len(visit)))))
 
 
-def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> FrameTally:
-    """What arrived. stop (n): index of the stop, rising; rows of a stop in the order of arrival."""
-    number = unwrapped(table.values["counter"], stop, bits)
-    first = np.flatnonzero(np.diff(stop, prepend=-1))
+def tally(table: SampleTable, visit: NDArray[np.intp], bits: int) -> FrameTally:
+    """What arrived. visit (n): index of the visit, rising; rows of a visit in the order of arrival."""
+    number = unwrapped(table.values["counter"], visit, bits)
+    first = np.flatnonzero(np.diff(visit, prepend=-1))
     unit = table.unit.code[first]
     low, high = np.minimum.reduceat(number, first), np.maximum.reduceat(number, first)
-    step, within = np.diff(number, prepend=number[:1]), np.diff(stop, prepend=-1) == 0
+    step, within = np.diff(number, prepend=number[:1]), np.diff(visit, prepend=-1) == 0
     back = np.add.reduceat((step < 0) & within, first)
-    arrived = np.diff(np.append(first, len(stop)))
+    arrived = np.diff(np.append(first, len(visit)))
     different = arrived.copy()
-    # Numbers that only rise are all different; the few other stops are sorted.
+    # Numbers that only rise are all different; the few other visits are sorted.
     risen = np.logical_and.reduceat((step > 0) | ~within, first)
     for s in np.flatnonzero(~risen):
         different[s] = len(np.unique(number[first[s] : first[s] + arrived[s]]))
@@ -65,11 +65,11 @@ def tally(table: SampleTable, stop: NDArray[np.intp], bits: int) -> FrameTally:
     return FrameTally(unit.astype(np.intp), high - low + 1, arrived, different, back)
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
+def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[GrossFault]:
     """What the counter shows; nothing where there is none."""
     if "counter" not in table.values:
         return []
-    t = tally(table, stop, recipe.device.counter_bits)
+    t = tally(table, visit, recipe.device.counter_bits)
     found = [
         ("lost-frames", t.sent - t.different, t.sent, "are missing"),
         ("duplicated-frames", t.arrived - t.different, t.different, "arrived twice"),
@@ -88,7 +88,7 @@ def _fault(
     verb: str,
     table: SampleTable,
 ) -> GrossFault:
-    """From the events of each stop (v) among so many frames (v)."""
+    """From the events of each visit (v) among so many frames (v)."""
     units = len(table.unit.names)
     hits, tries = (np.bincount(unit, x, units) for x in (events, of))
     share = hits / np.maximum(tries, 1)
@@ -106,8 +106,8 @@ def _fault(
 
 
 def _held_out_scores(events: NDArray[np.int64], of: NDArray[np.int64]) -> Floats:
-    """By how much likelier each stop's events are (v) with the rate of the other half of the stops than with that of a
-    healthy bus: binomial, the rate by Jeffreys' rule."""
+    """By how much likelier each visit's events are (v) with the rate of the other half of the visits than with that of
+    a healthy bus: binomial, the rate by Jeffreys' rule."""
     half = halves_of(len(events))
     out = np.zeros(len(events))
     for part in (0, 1):

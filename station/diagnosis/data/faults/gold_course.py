@@ -88,12 +88,12 @@ def fault(course: GoldCourse, recipe: Recipe) -> GrossFault:
     return GrossFault("gold-drift", "common", tuple(numbers), sentence, course.nats, gain=course.gain)
 
 
-def without(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], course: GoldCourse) -> SampleTable:
+def without(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], course: GoldCourse) -> SampleTable:
     """The table with the gold as it was at the start of the campaign."""
     own = recipe.reference.gold
     offset = course.offset if own is None else np.array(own.matrix) @ course.offset
     assert table.gold is not None
-    return replace(table, gold=table.gold - course.share[stop][:, None] * offset)
+    return replace(table, gold=table.gold - course.share[visit][:, None] * offset)
 
 
 def _about_means(values: Floats, code: Array) -> Floats:

@@ -67,12 +67,12 @@ def testable_causes(recipe: Recipe, table: SampleTable) -> tuple[str, ...]:
     return tuple(kind.id for kind in (GoldDrift, LocalGravity) if kind.acts_on(recipe))
 
 
-def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> list[GrossFault]:
+def faults(recipe: Recipe, table: SampleTable, scene: Scene, visit: NDArray[np.intp]) -> list[GrossFault]:
     """Gravity that is not what the recipe says, and a gold that has moved; nothing without a gold."""
     causes = testable_causes(recipe, table)
     if not causes or table.gold is None:
         return []
-    lengths = _lengths(recipe, scene, _quiet_means(table, stop, table.gold), moves="gold-drift" in causes)
+    lengths = _lengths(recipe, scene, _quiet_means(table, visit, table.gold), moves="gold-drift" in causes)
     columns = {"gold-drift": lengths.direction, "local-gravity": lengths.length[:, None]}
     falls = {name: lengths.fit(columns[name])[2] for name in causes}
     rank = {name: int(np.linalg.matrix_rank(columns[name], 1e-6)) for name in causes}
@@ -94,23 +94,23 @@ def faults(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.in
     return made
 
 
-def course(recipe: Recipe, table: SampleTable, scene: Scene, stop: NDArray[np.intp]) -> gold_course.GoldCourse | None:
+def course(recipe: Recipe, table: SampleTable, scene: Scene, visit: NDArray[np.intp]) -> gold_course.GoldCourse | None:
     """How the gold moved while the campaign ran, if it did."""
     if "gold-drift" not in testable_causes(recipe, table) or table.gold is None:
         return None
-    first = np.flatnonzero(np.diff(stop, prepend=-1))
+    first = np.flatnonzero(np.diff(visit, prepend=-1))
     t = table.time_s[first]
     # Without a clock of the campaign the runs are taken for one after the other.
     t = t + (table.values["started_s"][first] if "started_s" in table.values else table.run[first] * float(t.max()))
-    found = gold_course.find(scene, _calibrated(recipe, _quiet_means(table, stop, table.gold)[0]), t)
+    found = gold_course.find(scene, _calibrated(recipe, _quiet_means(table, visit, table.gold)[0]), t)
     return None if found is None or found.gain is None or not found.gain.accepted else found
 
 
-def calibrated_means(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> tuple[Floats, Floats]:
-    """Mean reading (v, 3) of a table's gold in the quiet part of each stop, its own calibration taken off, and the
+def calibrated_means(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    """Mean reading (v, 3) of a table's gold in the quiet part of each visit, its own calibration taken off, and the
     variance (v) of such a mean."""
     assert table.gold is not None
-    mean, variance = _quiet_means(table, stop, table.gold)
+    mean, variance = _quiet_means(table, visit, table.gold)
     return _calibrated(recipe, mean), variance
 
 
@@ -150,15 +150,15 @@ def _fault(name: str, value: Floats, std: Floats, nats: float, recipe: Recipe, l
     return GrossFault(name, "common", numbers, sentence, nats, like)
 
 
-def _quiet_means(table: SampleTable, stop: NDArray[np.intp], gold: Floats) -> tuple[Floats, Floats]:
-    """Mean reading (v, 3) of the gold in the quiet part of each stop, and the variance (v) of such a mean."""
-    count = np.bincount(stop)
+def _quiet_means(table: SampleTable, visit: NDArray[np.intp], gold: Floats) -> tuple[Floats, Floats]:
+    """Mean reading (v, 3) of the gold in the quiet part of each visit, and the variance (v) of such a mean."""
+    count = np.bincount(visit)
     first = np.full(len(count), np.inf)
     last = np.full(len(count), -np.inf)
-    np.minimum.at(first, stop, table.time_s)
-    np.maximum.at(last, stop, table.time_s)
-    quiet = table.time_s >= (first + QUIET_FROM * (last - first))[stop]
-    rows, where = gold[quiet], stop[quiet]
+    np.minimum.at(first, visit, table.time_s)
+    np.maximum.at(last, visit, table.time_s)
+    quiet = table.time_s >= (first + QUIET_FROM * (last - first))[visit]
+    rows, where = gold[quiet], visit[quiet]
     n = np.maximum(np.bincount(where, minlength=len(count)), 1)
     mean = np.stack([np.bincount(where, column, len(count)) / n for column in rows.T], 1)
     off = ((rows - mean[where]) ** 2).mean(axis=1)

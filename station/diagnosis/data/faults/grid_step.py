@@ -57,7 +57,7 @@ def steps_of_units(table: SampleTable, promised: float, found: list[GrossFault])
     return np.array([coarse.get(unit_label(table.unit, u), promised) for u in range(len(table.unit.names))])
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
+def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[GrossFault]:
     """Units whose output comes in coarser steps than promised."""
     promised = recipe.device.lsb
     if promised <= 0:
@@ -79,7 +79,7 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     sentence = f"the output comes in steps of {next(iter(found.values()))[0]:.3g} {recipe.unit}, not {promised:.3g}"
     nats = sum(3 * rows * np.log(step / promised) for step, rows in found.values())
     parts = [
-        _held_out_scores(table.reading[of], stop[of], promised)
+        _held_out_scores(table.reading[of], visit[of], promised)
         for u, of in enumerate(rows_of_units(table.unit))
         if u in found
     ]
@@ -87,14 +87,14 @@ def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[G
     return [GrossFault("quantization", "unit", numbers, sentence, float(nats), gain=gain)]
 
 
-def _held_out_scores(reading: Floats, stop: NDArray[np.intp], promised: float) -> tuple[Floats, Floats]:
-    """Of each stop of a unit (s): by how much likelier its readings are on the grid of the other half of the stops
+def _held_out_scores(reading: Floats, visit: NDArray[np.intp], promised: float) -> tuple[Floats, Floats]:
+    """Of each visit of a unit (s): by how much likelier its readings are on the grid of the other half of the visits
     than anywhere on the promised one, summed over its samples; and how many these are.
 
     With the coarse grid of step q a reading stands on it but for a share ε, and a point of it is q/promised times as
     likely; ε is by the rule of succession among the readings that the grid was found in.
     """
-    half, where = halves(stop), stop - stop[0]
+    half, where = halves(visit), visit - visit[0]
     score = np.zeros(len(reading))
     for part, values in ((part, values) for part in (0, 1) for values in reading.T):
         fitted, judged = values[half != part], half == part

@@ -61,9 +61,9 @@ def halves_of(blocks: int) -> NDArray[np.intp]:
     return np.asarray(np.random.default_rng(blocks).permutation(blocks) % 2)
 
 
-def halves(stop: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The same for rows, whole stops at a time."""
-    place = np.cumsum(np.diff(stop, prepend=stop[:1]) != 0)
+def halves(visit: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The same for rows, whole visits at a time."""
+    place = np.cumsum(np.diff(visit, prepend=visit[:1]) != 0)
     return np.asarray(halves_of(int(place[-1]) + 1)[place])
 
 

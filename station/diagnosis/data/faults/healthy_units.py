@@ -18,18 +18,18 @@ class HealthyUnits:
         self._recipe = recipe
         self._codes: list[stuck_bits.AxisCodes] = []
 
-    def add(self, table: SampleTable, stop: NDArray[np.intp]) -> bool:
-        """Whether neither the new units nor all so far together show anything; stop (n) of each row."""
+    def add(self, table: SampleTable, visit: NDArray[np.intp]) -> bool:
+        """Whether neither the new units nor all so far together show anything; visit (n) of each row."""
         recipe = self._recipe
-        if clipping.clipped(table, stop)[0]:
+        if clipping.clipped(table, visit)[0]:
             return False
-        count = np.bincount(stop)
-        mean = np.stack([np.bincount(stop, column) / count for column in table.reading.T], axis=1)
+        count = np.bincount(visit)
+        mean = np.stack([np.bincount(visit, column) / count for column in table.reading.T], axis=1)
         if axis_decoding.wrong_decodings(visits_scene_of_table(recipe, table), mean, ()):
             return False
-        if any(part.faults(recipe, table, stop) for part in (grid_step, clock)):
+        if any(part.faults(recipe, table, visit) for part in (grid_step, clock)):
             return False
-        if "counter" in table.values and not counters.tally(table, stop, recipe.device.counter_bits).is_whole:
+        if "counter" in table.values and not counters.tally(table, visit, recipe.device.counter_bits).is_whole:
             return False
         return not self._bits_stick(table)
 

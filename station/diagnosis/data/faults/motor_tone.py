@@ -1,9 +1,9 @@
 """A line in the spectrum of the dwells that grows with the drive of the motors.
 
-Each stop's samples are turned into one complex amplitude per frequency up to half the sample rate. Powers add up over
-stops without regard to phase; where a narrow line stands out of the spectrum around it in proportion to motor², the
+Each visit's samples are turned into one complex amplitude per frequency up to half the sample rate. Powers add up over
+visits without regard to phase; where a narrow line stands out of the spectrum around it in proportion to motor², the
 phases are followed over the whole campaign, which fixes frequency, amplitude and phase. A tone above half the rate
-shows at its alias. Where the phases do not hold from stop to stop, amplitudes come from the powers alone
+shows at its alias. Where the phases do not hold from visit to visit, amplitudes come from the powers alone
 (`tone_power.py`). What dies away after each arrival is taken off first, and a line that the second half of the dwells
 does not hold is none: it keeps step with the moves, a tone with the motors. Tones far below the noise of a dwell show
 in the spectrum of all dwells together (`matched_spectrum.py`), where the dwells must agree in phase beyond what any
@@ -33,17 +33,17 @@ ONE_DWELL = 1e-3
 LASTING_SIGMA, MIN_LASTING_SHARE = 3.0, 0.25
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp]) -> list[GrossFault]:
-    """The strongest line that the motors explain. With few stops of unlike drive, the power of a line may not show that
-    it grows with the drive; its phases may."""
-    extent, rate_hz = ToneExtent.of(table, stop), recipe.device.rate_hz
+def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[GrossFault]:
+    """The strongest line that the motors explain. With few visits of unlike drive, the power of a line may not show
+    that it grows with the drive; its phases may."""
+    extent, rate_hz = ToneExtent.of(table, visit), recipe.device.rate_hz
     if extent is None or not extent.shows_tones:
         return []
     search = ToneSearch(rate_hz, extent.longest)
-    search.add(table, stop, extent)
+    search.add(table, visit, extent)
     if not (lines := search.lines()):
         return []
-    d, sigma = white_dwells(table, stop, rate_hz)
+    d, sigma = white_dwells(table, visit, rate_hz)
     for line in lines:
         if (fault := _confirmed(line, d, sigma, recipe)) is not None:
             return [fault]
@@ -81,7 +81,7 @@ def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:
 
 
 def _refine_frequency(d: WhiteDwells, frequency_hz: float, near_hz: float) -> float:
-    """The frequency near a line at which the phases of all stops agree best."""
+    """The frequency near a line at which the phases of all visits agree best."""
     base = _amplitudes(d, frequency_hz) * d.motor[:, None]
     at = d.middle_s - d.middle_s.mean()
     total = max(float(np.ptp(at)), 1e-9)
@@ -98,7 +98,7 @@ def _refine_frequency(d: WhiteDwells, frequency_hz: float, near_hz: float) -> fl
 @dataclass(frozen=True, slots=True, eq=False)
 class Tone:
     """A tone at a frequency: its waves (2, v, s, 3) at amplitude 1 as the filtered samples hold them, coefficients
-    (2, 3) of one phase for all stops, bend (v, s, 3) by the frequency, and the power of each phase on its own."""
+    (2, 3) of one phase for all visits, bend (v, s, 3) by the frequency, and the power of each phase on its own."""
 
     frequency_hz: float
     waves: Floats
@@ -108,7 +108,7 @@ class Tone:
 
     @property
     def coherent(self) -> bool:
-        """Whether one phase holds for all stops."""
+        """Whether one phase holds for all visits."""
         return not self.power.exceeds(self.c)
 
     def lasts(self, d: WhiteDwells) -> bool:
@@ -133,7 +133,7 @@ class Tone:
         return not less and square[1] > MIN_LASTING_SHARE * square[0]
 
     def held_out_gain(self, d: WhiteDwells) -> BlockGain | None:
-        """What it gains at one half of the stops, found in the other; of a tone without a common phase the likelihood
+        """What it gains at one half of the visits, found in the other; of a tone without a common phase the likelihood
         is averaged over the phase."""
         scores, counts = np.zeros(len(d.white)), d.count
         half = halves_of(len(scores))
@@ -201,8 +201,8 @@ def _fault(tone: Tone, d: WhiteDwells, sigma: Floats, nats: float, recipe: Recip
 
 
 def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: Floats, nats: float, recipe: Recipe) -> GrossFault:
-    """Amplitude of each axis and frequency where every stop has a phase of its own: the motors are not in step."""
-    # What a unit's stops have in common mixes their phases: each stop stands for itself here.
+    """Amplitude of each axis and frequency where every visit has a phase of its own: the motors are not in step."""
+    # What a unit's visits have in common mixes their phases: each visit stands for itself here.
     alone = replace(d.filter, units=())
     d = replace(d, white=alone(d.reading) / np.maximum(sigma, 1e-300), filter=alone)
     resolution = d.rate_hz / (OVERSAMPLING * d.white.shape[1])

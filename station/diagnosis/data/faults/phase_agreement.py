@@ -47,8 +47,8 @@ class PhaseAgreement:
         self._dwell_s = float(d.count.max(initial=0.0)) / d.rate_hz
         #: What the dwells of a unit have in common is taken off them: two numbers each.
         self._taken = np.zeros(len(begin))
-        for stops in d.filter.units:
-            self._taken[stops] = 2 / len(stops)
+        for visits in d.filter.units:
+            self._taken[visits] = 2 / len(visits)
 
     @property
     def terms(self) -> int:

@@ -32,8 +32,8 @@ def error_of_means(step: Floats, noise: Floats) -> Floats:
     return np.asarray(step * np.sqrt(np.sum(np.exp(-((2 * np.pi * k * ratio) ** 2)) / (np.pi * k) ** 2 / 2, axis=-1)))
 
 
-def with_honest_rounding(table: SampleTable, stop: NDArray[np.intp], step: Floats, sheet: float) -> SampleTable:
-    """A table, samples in stops (n), of units with readings in steps (U), without those that rounding hides beside
+def with_honest_rounding(table: SampleTable, visit: NDArray[np.intp], step: Floats, sheet: float) -> SampleTable:
+    """A table, samples in visits (n), of units with readings in steps (U), without those that rounding hides beside
     others. sheet: noise of a sample by the data sheet; where steps hide it, no more is believed."""
     if sheet <= 0 or not np.any(step > COARSE * sheet):
         return table
@@ -41,7 +41,7 @@ def with_honest_rounding(table: SampleTable, stop: NDArray[np.intp], step: Float
     for u, rows in enumerate(rows_of_units(table.unit)):
         if step[u] <= COARSE * sheet or rows.stop == rows.start:
             continue
-        where = stop[rows] - stop[rows.start]
+        where = visit[rows] - visit[rows.start]
         mean, count = _means(reading[rows], where), np.bincount(where)[:, None]
         within = reading[rows] - mean[where]
         free = max(len(where) - len(count), 1)

@@ -16,11 +16,11 @@ COLOUR_WAVES, COLOUR_ROUNDS = 4, 12
 
 
 class PowerSpectrum(NamedTuple):
-    """power (f, 3): mean of the stops, each weighted as a tone in proportion to motor would show in it; stops: how
+    """power (f, 3): mean of the visits, each weighted as a tone in proportion to motor would show in it; visits: how
     many count, by their weight."""
 
     power: Floats
-    stops: float
+    visits: float
 
 
 def line_gains(spectrum: PowerSpectrum) -> Floats:
@@ -29,9 +29,9 @@ def line_gains(spectrum: PowerSpectrum) -> Floats:
     The background is the data's own, once the noise's colour is off: at the end of a spectrum that falls, what is
     around a line lies on one side of it, and lower. Neither tails nor colour can thus pass for a line. Powers
     are exponential: a mean of N of them that is r times what it should be is e^(−N(r − 1 − ln r)) likely (Chernoff's
-    bound). N counts the stops by their weight, and less where the background itself is known from few frequencies.
+    bound). N counts the visits by their weight, and less where the background itself is known from few frequencies.
     """
-    known = spectrum.stops / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(_around(len(spectrum.power)).sum(1), 1))
+    known = spectrum.visits / (1 + np.pi / 2 * OVERSAMPLING / np.maximum(_around(len(spectrum.power)).sum(1), 1))
     ratio = np.maximum(spectrum.power / np.maximum(background(spectrum.power), 1e-300), 1.0)
     return np.asarray(known * np.sum(ratio - 1 - np.log(ratio), axis=1))
 

@@ -51,13 +51,13 @@ def stuck_bits(table: SampleTable, lsb: float, dwells_of: Callable[[int], Dwells
     return {u: bits for u, bits in found.items() if bits}
 
 
-def faults(recipe: Recipe, table: SampleTable, stop: NDArray[np.intp], stuck: Mapping[int, Bits]) -> list[GrossFault]:
+def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp], stuck: Mapping[int, Bits]) -> list[GrossFault]:
     """The fault of the units whose bits are stuck."""
     lsb, units = recipe.device.lsb, rows_of_units(table.unit)
     pairs = [(u, bit, high) for u, bits in stuck.items() for bit, high in bits]
     if not pairs:
         return []
-    scores = [_held_out_scores(table.reading[units[u]] / lsb, stop[units[u]], bit) for u, bit, _ in pairs]
+    scores = [_held_out_scores(table.reading[units[u]] / lsb, visit[units[u]], bit) for u, bit, _ in pairs]
     numbers = [_number(unit_label(table.unit, u), bit, high, recipe) for u, bit, high in pairs]
     weight = float(numbers[0].value)
     sentence = f"the bit of {abs(weight):.3g} {recipe.unit} always reads {int(weight < 0)}"
@@ -107,14 +107,14 @@ def _shifting(
     return {u: [best] for u, own in nats[best].items() if own > UNIT_NATS}
 
 
-def _held_out_scores(steps: Floats, stop: NDArray[np.intp], bit: int) -> tuple[Floats, Floats]:
-    """Of each stop of a unit (s): by how much likelier a bit is with the share of ones that it has in the other half of
-    the stops than with one half, once for each value that the bits above it take in the stop; and its samples.
+def _held_out_scores(steps: Floats, visit: NDArray[np.intp], bit: int) -> tuple[Floats, Floats]:
+    """Of each visit of a unit (s): by how much likelier a bit is with the share of ones that it has in the other half
+    of the visits than with one half, once for each value that the bits above it take in the visit; and its samples.
 
     A value that stands still is one piece of evidence, however often it is sampled.
     """
     code = np.round(steps).astype(np.int64)
-    half, where = halves(stop), stop - stop[0]
+    half, where = halves(visit), visit - visit[0]
     one = code >> bit & 1
     score = np.zeros(int(where[-1]) + 1)
     for axis in range(3):

@@ -1,7 +1,7 @@
-"""Amplitude of a tone whose phase nobody knows: from the power in each stop, less what the noise puts there.
+"""Amplitude of a tone whose phase nobody knows: from the power in each visit, less what the noise puts there.
 
-Each stop's white samples are fitted by a sine and a cosine; the square of that amplitude is too large on the average
-by the trace of the fit's covariance, which is taken off before the stops are averaged.
+Each visit's white samples are fitted by a sine and a cosine; the square of that amplitude is too large on the average
+by the trace of the fit's covariance, which is taken off before the visits are averaged.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class TonePower:
         return np.asarray(self.std / (2 * np.maximum(self.amplitude, np.sqrt(self.std))))
 
     def exceeds(self, agreed: Floats) -> bool:
-        """Whether one phase for all stops, with coefficients (2, 3), misses much of the power."""
+        """Whether one phase for all visits, with coefficients (2, 3), misses much of the power."""
         missed = float(np.sum(self.square) - np.sum(agreed**2))
         return missed > MISSED_SHARE * float(np.sum(self.square)) and missed > MISSED_SIGMA * float(
             np.sqrt(np.sum(self.std**2))

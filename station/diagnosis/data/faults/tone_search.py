@@ -16,7 +16,7 @@ from station.domain.core.types import Floats, SampleTable
 
 #: Nats of log-likelihood that a line must gain beyond the number of frequencies tried.
 MIN_GAIN_NATS = 12.0
-#: Samples of a table, and of its longest stop, at the least.
+#: Samples of a table, and of its longest visit, at the least.
 LEAST_SAMPLES, LEAST_DWELL = 64, 16
 #: Terms of a late sample's wave at most, and the size below which one is none: single precision has no more digits.
 MAX_TERMS, LEAST_TERM = 6, 1e-7
@@ -26,8 +26,8 @@ SAMPLES_AT_ONCE = 50_000
 
 @dataclass(frozen=True, slots=True)
 class ToneExtent:
-    """What must be known of all samples before any spectrum is taken: how many they are, and those of the longest stop;
-    the first and the last one on the campaign's clock, s; least and greatest drive."""
+    """What must be known of all samples before any spectrum is taken: how many they are, and those of the longest
+    visit; the first and the last one on the campaign's clock, s; least and greatest drive."""
 
     samples: int
     longest: int
@@ -37,13 +37,13 @@ class ToneExtent:
     greatest_drive: float
 
     @staticmethod
-    def of(table: SampleTable, stop: NDArray[np.intp]) -> "ToneExtent | None":
-        """Of a table with samples in stops (n); None where drive or clock were not recorded."""
+    def of(table: SampleTable, visit: NDArray[np.intp]) -> "ToneExtent | None":
+        """Of a table with samples in visits (n); None where drive or clock were not recorded."""
         if not {"motor", "started_s"} <= set(table.values) or not len(table):
             return None
         t, motor = table.time_s + table.values["started_s"], table.values["motor"]
         drive = float(motor.min()), float(motor.max())
-        return ToneExtent(len(table), int(np.bincount(stop).max()), float(t.min()), float(t.max()), *drive)
+        return ToneExtent(len(table), int(np.bincount(visit).max()), float(t.min()), float(t.max()), *drive)
 
     @staticmethod
     def of_all(parts: "Sequence[ToneExtent]") -> "ToneExtent":
@@ -71,7 +71,7 @@ class ToneExtent:
 @dataclass(frozen=True, slots=True, eq=False)
 class ToneLine:
     """A line that stands out, by so many nats, of so many tried: at one frequency, Hz, or near one of several,
-    resolution_hz apart, if the phases hold from stop to stop."""
+    resolution_hz apart, if the phases hold from visit to visit."""
 
     frequency_hz: Floats
     nats: float
@@ -81,7 +81,7 @@ class ToneLine:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PowerSums:
-    """Power (f, 3) of stops times their weight, the sum of their weights and that of the squares of these."""
+    """Power (f, 3) of visits times their weight, the sum of their weights and that of the squares of these."""
 
     power: Floats
     weight: float
@@ -89,7 +89,7 @@ class _PowerSums:
 
     @staticmethod
     def none(frequencies: int) -> "_PowerSums":
-        """Of no stop."""
+        """Of no visit."""
         return _PowerSums(np.zeros((frequencies, 3)), 0.0, 0.0)
 
     def __add__(self, more: "_PowerSums") -> "_PowerSums":
@@ -97,11 +97,11 @@ class _PowerSums:
 
     @property
     def mean(self) -> Floats:
-        """Mean power (f, 3) of a stop."""
+        """Mean power (f, 3) of a visit."""
         return np.asarray(self.power / max(self.weight, 1e-300))
 
     @property
-    def stops(self) -> float:
+    def visits(self) -> float:
         """How many count, by their weight."""
         return self.weight**2 / max(self.squares, 1e-300)
 
@@ -110,7 +110,7 @@ class ToneSearch:
     """Adds up the spectra of units, and finds the strongest line."""
 
     def __init__(self, rate_hz: float, longest: int, *, in_parts: bool = False) -> None:
-        """rate_hz of the samples, and how many of them the longest stop of the first units has; in_parts: whether more
+        """rate_hz of the samples, and how many of them the longest visit of the first units has; in_parts: whether more
         units are to come after them."""
         self.rate_hz, self._longest = rate_hz, longest
         self.tried = np.arange(3, OVERSAMPLING * longest // 2) * rate_hz / (OVERSAMPLING * longest)
@@ -118,27 +118,27 @@ class ToneSearch:
         self._sums = _PowerSums.none(len(self.tried))
 
     def covers(self, extent: ToneExtent) -> bool:
-        """Whether the frequencies tried lie close enough together for the stops of more units."""
+        """Whether the frequencies tried lie close enough together for the visits of more units."""
         return extent.longest <= OVERSAMPLING * self._longest
 
-    def add(self, table: SampleTable, stop: NDArray[np.intp], extent: ToneExtent) -> None:
-        """Whole units of a table whose samples are in stops (n), rising from 0, and what they are."""
+    def add(self, table: SampleTable, visit: NDArray[np.intp], extent: ToneExtent) -> None:
+        """Whole units of a table whose samples are in visits (n), rising from 0, and what they are."""
         record, own = self._matched.record(extent.begin_s, extent.end_s), _PowerSums.none(len(self.tried))
         starts = np.flatnonzero(np.diff(table.unit.code, prepend=-1))
-        part = np.append(starts[np.diff(starts // SAMPLES_AT_ONCE, prepend=-1) > 0], len(stop))
+        part = np.append(starts[np.diff(starts // SAMPLES_AT_ONCE, prepend=-1) > 0], len(visit))
         for first, last in pairwise(part):
-            d, _ = white_dwells(table[first:last], stop[first:last] - stop[first], self.rate_hz)
+            d, _ = white_dwells(table[first:last], visit[first:last] - visit[first], self.rate_hz)
             own += _PowerSums(power(d, self.tried), float(np.sum(d.weight)), float(np.sum(d.weight**2)))
             record.add(d.white, d.time_s, d.motor, d.live)
         self._sums += own
         # Of all so far: what one portion shows scatters by itself.
         # Without its slow course a dwell has less power at its lowest frequencies than around them.
         around = np.minimum(background(self._sums.mean), self._sums.mean)
-        self._matched.add(record, lambda frequency_hz: _between(self.tried, around, frequency_hz), own.stops)
+        self._matched.add(record, lambda frequency_hz: _between(self.tried, around, frequency_hz), own.visits)
 
     def lines(self) -> tuple[ToneLine, ...]:
         """Lines that stand out, by their power alone and by their phase; the one that stands out more is first."""
-        tried, gains = float(len(self.tried)), line_gains(PowerSpectrum(self._sums.mean, self._sums.stops))
+        tried, gains = float(len(self.tried)), line_gains(PowerSpectrum(self._sums.mean, self._sums.visits))
         best = int(gains.argmax())
         matched = self._matched.lines()
         by_phase = () if matched is None else (ToneLine(*matched, self._matched.resolution_hz),)
@@ -155,14 +155,14 @@ def _between(tried_hz: Floats, power: Floats, frequency_hz: Floats) -> list[Floa
 
 
 def power(d: WhiteDwells, tried: Floats) -> Floats:
-    """Sum over the stops of their power (f, 3) at frequencies in equal steps, times their weight."""
+    """Sum over the visits of their power (f, 3) at frequencies in equal steps, times their weight."""
     weight = d.weight / np.maximum(d.count, 1)
     even = _even_power(d, tried, weight)
     return _uneven_power(d, tried, weight) if even is None else even
 
 
 def _even_power(d: WhiteDwells, tried: Floats, weight: Floats) -> Floats | None:
-    """The same where each stop's samples came one after the other at the rate, by fast transforms; None of others.
+    """The same where each visit's samples came one after the other at the rate, by fast transforms; None of others.
 
     Of a sample that is late by δ the wave is the even one's times Σ (2πi·f·δ)ᵏ/k!: one transform for each term.
     """

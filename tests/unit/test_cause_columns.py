@@ -1,4 +1,4 @@
-"""Columns of the stops are held without the places that are zero, and are whole where they are asked for."""
+"""Columns of the visits are held without the places that are zero, and are whole where they are asked for."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from station.diagnosis.candidates import columns
-from station.diagnosis.candidates.columns import StopColumns
+from station.diagnosis.candidates.columns import CauseColumns
 
 
 def whole(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of five stops and of two contrasts each."""
+    """Columns of five visits and of two contrasts each."""
     there = {
         "an axis each": np.eye(3)[:, [0, 1, 2, 0]],
         "several axes": np.array([[1, 0, 1], [1, 1, 0], [0, 0, 1]]),
@@ -24,40 +24,40 @@ def whole(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", ["an axis each", "several axes", "one of zeros", "in another order"])
 @pytest.mark.parametrize("k", [1, 3])
 def test_columns_are_whole_where_they_are_asked_for(kind: str, k: int, rng: np.random.Generator) -> None:
-    stop, dwell = whole(rng, kind)
-    # What moves at no stop's mean may still move within the stops.
-    stop[:, :, 0] = 0.0
-    held, some, keep = StopColumns.of(stop, dwell), slice(1, 4), rng.standard_normal((5, k, 3))
-    np.testing.assert_array_equal(held.stop(some), stop[some])
+    visit, dwell = whole(rng, kind)
+    # What moves at no visit's mean may still move within the visits.
+    visit[:, :, 0] = 0.0
+    held, some, keep = CauseColumns.of(visit, dwell), slice(1, 4), rng.standard_normal((5, k, 3))
+    np.testing.assert_array_equal(held.visit(some), visit[some])
     np.testing.assert_array_equal(held.dwell(some), dwell[some])
-    np.testing.assert_array_equal(held.retained(keep, some), keep[some] @ stop[some])
+    np.testing.assert_array_equal(held.retained(keep, some), keep[some] @ visit[some])
     chosen = np.array([True, False, True, True, False])
     np.testing.assert_array_equal(held.select_visits(chosen).dwell(), dwell[chosen])
-    assert StopColumns.of(stop).dwell() is None
+    assert CauseColumns.of(visit).dwell() is None
 
 
 def test_columns_of_an_axis_each_are_held_in_a_third(rng: np.random.Generator) -> None:
-    stop, dwell = whole(rng, "an axis each")
-    held = StopColumns.of(stop, dwell)
+    visit, dwell = whole(rng, "an axis each")
+    held = CauseColumns.of(visit, dwell)
     assert held.moving is not None
-    assert held.still.nbytes == stop.nbytes / 3 and held.moving.nbytes == dwell.nbytes / 3
+    assert held.still.nbytes == visit.nbytes / 3 and held.moving.nbytes == dwell.nbytes / 3
 
 
 def test_a_course_that_several_axes_share_is_held_once(rng: np.random.Generator) -> None:
     course, keep = rng.standard_normal((5, 1, 1)), rng.standard_normal((5, 3, 3))
-    stop = np.concatenate([np.eye(3) * course, np.eye(3) * course**2], axis=2)
-    held = StopColumns.of(stop)
+    visit = np.concatenate([np.eye(3) * course, np.eye(3) * course**2], axis=2)
+    held = CauseColumns.of(visit)
     assert held.still.shape == (5, 2)
-    np.testing.assert_array_equal(held.stop(), stop)
-    np.testing.assert_array_equal(held.retained(keep), keep @ stop)
+    np.testing.assert_array_equal(held.visit(), visit)
+    np.testing.assert_array_equal(held.retained(keep), keep @ visit)
     assert held.count == 6
 
 
 def test_functions_of_each_axis_are_held_as_their_whole_columns_are(rng: np.random.Generator) -> None:
     alike, own = np.repeat(rng.standard_normal((5, 1)), 3, axis=1), rng.standard_normal((5, 3))
     for parts in ([alike, own], [own, np.zeros((5, 3))], [own * [1.0, 0.0, 1.0], alike], [np.zeros((5, 3))]):
-        held = StopColumns.by_axis(parts)
-        whole_ones = StopColumns.of(np.concatenate([np.eye(3) * part[:, None] for part in parts], axis=2))
+        held = CauseColumns.by_axis(parts)
+        whole_ones = CauseColumns.of(np.concatenate([np.eye(3) * part[:, None] for part in parts], axis=2))
         for name in ("axis", "column", "course", "still", "count", "on_one_axis"):
             np.testing.assert_array_equal(getattr(held, name), getattr(whole_ones, name))
 
@@ -66,20 +66,20 @@ def test_functions_of_each_axis_are_held_as_their_whole_columns_are(rng: np.rand
 def test_a_bank_of_many_stops_holds_half_and_shows_the_same(
     kind: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stop, dwell = whole(rng, kind)
+    visit, dwell = whole(rng, kind)
     view: Any = SimpleNamespace(grid=SimpleNamespace(k=3))
-    full = StopColumns.in_bank(view, stop, dwell)
-    monkeypatch.setattr(columns, "MANY_STOPS", len(stop) - 1)
-    half = StopColumns.in_bank(view, stop, dwell)
+    full = CauseColumns.in_bank(view, visit, dwell)
+    monkeypatch.setattr(columns, "MANY_VISITS", len(visit) - 1)
+    half = CauseColumns.in_bank(view, visit, dwell)
     assert full.moving is not None and half.moving is not None
     assert (half.still.nbytes, half.moving.nbytes) == (full.still.nbytes // 2, full.moving.nbytes // 2)
     # What is made of them is in full precision again, within half a step of single precision.
     step, keep = 2.0**-24, rng.standard_normal((5, 3, 3))
-    for some, every in ((half.stop(), stop), (half.dwell(), dwell)):
+    for some, every in ((half.visit(), visit), (half.dwell(), dwell)):
         assert some is not None and some.dtype == float
         np.testing.assert_allclose(some, every, rtol=step, atol=0.0)
-    bound = 1.01 * step * (np.abs(keep) @ np.abs(stop))
-    assert np.all(np.abs(half.retained(keep) - keep @ stop) <= bound)
+    bound = 1.01 * step * (np.abs(keep) @ np.abs(visit))
+    assert np.all(np.abs(half.retained(keep) - keep @ visit) <= bound)
     # Where only a length is kept most of a column may be lost, and rounding would be what is left.
     view.grid.k = 1
-    assert StopColumns.in_bank(view, stop).still.dtype == float
+    assert CauseColumns.in_bank(view, visit).still.dtype == float
