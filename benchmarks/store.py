@@ -1,4 +1,4 @@
-"""The log: commit of one stop against a bare SQLite insert, and raw frames at rest against candump + zstd and BLF.
+"""The log: commit of one visit against a bare SQLite insert, and raw frames at rest against candump + zstd and BLF.
 
     python benchmarks/store.py [--rows 7 8] [--stops 300] [--units 4] [--folder DIR]
 
@@ -74,7 +74,7 @@ def main() -> None:
 
 
 def stop(layout: SensorLayout, rng: np.random.Generator, rate_hz: int, begun_ns: int, *, whole_us: bool) -> Frames:
-    """Frames of one stop of one unit: 0.3 s of settling and 1 s of dwell in a random direction."""
+    """Frames of one visit of one unit: 0.3 s of settling and 1 s of dwell in a random direction."""
     n = int(1.3 * rate_hz)
     direction = rng.normal(size=3)
     xyz = direction / np.linalg.norm(direction) + rng.normal(0, NOISE * np.sqrt(rate_hz / 2), (n, 3))
@@ -88,7 +88,7 @@ def stop(layout: SensorLayout, rng: np.random.Generator, rate_hz: int, begun_ns:
 
 
 def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) -> None:
-    """Commit of one stop."""
+    """Commit of one visit."""
     rng = np.random.default_rng(1)
     frames = [stop(layout, rng, rate_hz, 1_767_225_600_000_000_000, whole_us=False) for _ in range(NESTS)]
     statistics = [_statistics(rng) for _ in frames]
@@ -117,7 +117,7 @@ def row_7(layout: SensorLayout, rate_hz: int, stops: int, folder: str | None) ->
                 used[turn].append(time.process_time() - busy)
         peer.close()
     kib = sum(len(s) + len(f) for s, f in same) / 1024
-    what = f"commit of one stop, {NESTS} nests at {rate_hz} Hz ({kib:.0f} KiB)"
+    what = f"commit of one visit, {NESTS} nests at {rate_hz} Hz ({kib:.0f} KiB)"
     ahead = f"frames laid out and hashed in the dwell, {ahead_s * 1e3:.2f} ms"
     print(f"row 7: {what}: {_middle(ours)} against a bare insert's {_middle(bare)}")
     print(f"  before it: {ahead} of processor in {len(LOOKS_S)} looks")

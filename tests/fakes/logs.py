@@ -38,7 +38,7 @@ def begin(serial: str = "SN1", **changes: object) -> AttemptStart:
 
 
 def frames(rng: np.random.Generator, n: int = 120) -> Frames:
-    """Frames of one stop, 100 a second, with noise."""
+    """Frames of one visit, 100 a second, with noise."""
     data = np.zeros((n, 8), np.uint8)
     data[:, 2:] = rng.normal([0, 0, 16000], 11, (n, 3)).astype("<i2").view(np.uint8).reshape(n, 6)
     data[:, 1] = np.arange(n) % 15

@@ -1,4 +1,4 @@
-"""Known answers, worked out by hand, for each family of causes: one stop or a few, one cause, one number."""
+"""Known answers, worked out by hand, for each family of causes: one visit or a few, one cause, one number."""
 
 from collections.abc import Mapping
 from typing import Any
