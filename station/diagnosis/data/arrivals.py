@@ -3,7 +3,10 @@ another size or another way each time, so that the dwells have no course in comm
 
 Noise of any colour takes as much of a wave that dies away from the first sample on as of the same wave backwards from
 the last one. The sizes E and L that the dwells have of both, none above what a dwell usually has by far, differ by
-chance as two samples of the same numbers do: t = mean(E − L) / √(2·var(L)/n) is Student's.
+chance as two samples of the same numbers do: t = mean(E − L) / √(2·var(L)/n) is Student's. Sizes are lengths of a few
+normal numbers, to the power of 2/3, which makes them nearly normal (Wilson, Hilferty, Proc. Natl. Acad. Sci. 17, 684,
+1931): otherwise a small mean would come with a small variance. n counts the numbers that are left of each piece where
+the courses of the runs are taken off, since the dwells are alike by that.
 """
 
 from collections.abc import Iterator
@@ -23,6 +26,8 @@ PIECES = 24
 WAVES, FADES = np.arange(0.0, 10.5), (0.12, 0.3)
 #: Dwells of which the livelier end is told, and how many medians of a dwell's sizes are the most that count.
 LEAST_DWELLS, MOST_MEDIANS = 12, 2.5
+#: Power of a length that is nearly normal.
+NORMAL_POWER = 2 / 3
 #: Units whose dwells are looked at: of many any trifle shows.
 MOST_UNITS = 24
 #: Standard deviations that a piece is from its dwell's mean at the most.
@@ -60,9 +65,12 @@ def chance_of_early(pieces: Array, mean: Floats, scene: Scene) -> float:
     usual = np.median(np.abs(pieces[there]), axis=(0, 1)) / MAD_PER_SIGMA
     # One wild piece would stand in the course of its whole run.
     every = np.clip(pieces.astype(float), -FURTHEST * usual, FURTHEST * usual)
-    left = np.stack([without_courses(every[..., i], mean[:, i], scene, there)[0] for i in range(3)], axis=2)
+    apart = [without_courses(every[..., i], mean[:, i], scene, there) for i in range(3)]
+    left, free = np.stack([rest for rest, _ in apart], axis=2), min(free for _, free in apart)
+    if free < 2:
+        return 1.0
     left = left / np.maximum(np.sqrt(np.mean(left**2, axis=(0, 1))), 1e-300)
-    found = [_chance(left, wave) for wave in _dying_waves()]
+    found = [_chance(left, free, wave) for wave in _dying_waves()]
     return min(1.0, len(found) * min(found))
 
 
@@ -77,10 +85,11 @@ def _dying_waves() -> Iterator[Floats]:
             yield np.linalg.qr((both - both.mean(axis=0))[:, : 2 if waves else 1])[0]
 
 
-def _chance(left: Floats, wave: Floats) -> float:
-    """How often what the early ends of the dwells have of a wave is as much more than what their late ends have."""
+def _chance(left: Floats, free: int, wave: Floats) -> float:
+    """How often what the early ends of the dwells have of a wave is as much more than what their late ends have, where
+    so many dwells' worth of numbers are free."""
     early, late = (np.linalg.norm(way.T @ left, axis=(1, 2)) for way in (wave, wave[::-1]))
     most = MOST_MEDIANS * float(np.median(late))
-    early, late = np.minimum(early, most), np.minimum(late, most)
-    error = np.sqrt(2 * np.var(late, ddof=1) / len(late))
-    return float(scipy.special.stdtr(len(late) - 1, -np.mean(early - late) / error)) if error > 0 else 1.0
+    early, late = (np.minimum(size, most) ** NORMAL_POWER for size in (early, late))
+    error = np.sqrt(2 * np.var(late, ddof=1) / free)
+    return float(scipy.special.stdtr(free - 1, -np.mean(early - late) / error)) if error > 0 else 1.0
