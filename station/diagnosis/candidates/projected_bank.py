@@ -16,6 +16,7 @@ from station.diagnosis.candidates.bank import AMPLITUDE_LIMIT_FACTOR, UNITS_AT_O
 from station.diagnosis.candidates.column_blocks import ShapeGroup, column_blocks
 from station.diagnosis.candidates.part_of_space import PartOfSpace
 from station.diagnosis.candidates.visit_scan import NormalProducts, VisitColumns, VisitSpace, visit_columns
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.evidence import (
     GROUP_AXES,
     DataSets,
@@ -220,7 +221,7 @@ def _diagonal(kind: ShapeGroup, products: NormalProducts, *, axes: bool) -> Eige
     normal, cross, readings = products
     if kind.pattern != "own" and cross.shape[-1]:
         normal = normal - cross @ cross.swapaxes(-1, -2)
-    m, E = np.linalg.eigh(normal)
+    m, E = eigenvectors(normal)
     turn = E.swapaxes(-1, -2)
     return EigenProducts(m, turn @ cross, (turn @ readings[..., None])[..., 0], E if axes else None)
 

@@ -20,6 +20,7 @@ from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
 from station.diagnosis.discovery.order_selection import along_directions, order_chance
 from station.diagnosis.discovery.pooled_curves import constant_columns, pooled_curves
 from station.diagnosis.discovery.scan import ScannedUnits, scanned_units
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem
@@ -142,7 +143,7 @@ def _chance(columns: Floats, space: ResidualSpace) -> Iterator[float]:
     if len(columns) == 1:
         known = space.shared_basis.reshape(residual.size, -1).T @ columns[0]
         normal = normal - known.T @ known
-    m, E = np.linalg.eigh(normal)
+    m, E = eigenvectors(normal)
     visible = m > VISIBLE_SHARE * np.maximum(m.max(initial=0.0), 1e-300)
     along = (E.swapaxes(1, 2) @ (columns.swapaxes(1, 2) @ residual.reshape(len(columns), -1, 1)))[..., 0]
     if np.any(visible):

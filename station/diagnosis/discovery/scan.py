@@ -16,6 +16,7 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.discovery.evidence import log_evidence
 from station.diagnosis.discovery.library import ColumnProduct, Library
 from station.diagnosis.discovery.price import family_price
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
@@ -190,7 +191,7 @@ def _common(normal: Floats, scale: Floats, shared: Floats) -> tuple[Floats, Floa
 
 def _directions(normal: Floats, scale: Floats, dof: int) -> tuple[Floats, NDArray[np.intp]]:
     """What turns columns to orthonormal ones (U or 1, F, K, K), zeros for what is lost, and their rank (F)."""
-    m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else np.linalg.eigh(normal)
+    m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else eigenvectors(normal)
     visible = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
     turn = (E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
     rank = np.count_nonzero(visible, axis=(0, 2))

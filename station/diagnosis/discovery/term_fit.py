@@ -15,6 +15,7 @@ from station.diagnosis.discovery.constant_scale import ConstantScale
 from station.diagnosis.discovery.evidence import log_evidence
 from station.diagnosis.discovery.price import CONSTANT_NATS, price
 from station.diagnosis.discovery.scan import VISIBLE_SHARE, ScannedUnits, scanned_units
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -167,7 +168,7 @@ def _orthonormal(columns: Floats, length: Floats, *, own: bool) -> tuple[Floats,
     # A turn that a pose cannot show leaves a column of rounding.
     live = scale > (ROUNDING**2) * scale.max(axis=1, keepdims=True)
     unit = np.where(live, 1 / np.sqrt(np.where(live, scale, 1.0)), 0.0)
-    m, E = np.linalg.eigh(normal * unit[:, :, None] * unit[:, None, :])
+    m, E = eigenvectors(normal * unit[:, :, None] * unit[:, None, :])
     visible = m > VISIBLE_SHARE
     turn = unit[:, :, None] * E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[:, None, :]
     return turn, int(np.count_nonzero(visible))

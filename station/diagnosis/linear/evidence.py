@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.projection import RANK_TOLERANCE, ResidualSpace, SpaceSize
 from station.domain.core.types import Array, Floats
 
@@ -160,7 +161,7 @@ class EigenSpectrum:
         normal = -together @ together.swapaxes(-1, -2)
         at = np.arange(normal.shape[-1])
         normal[..., at, at] += self.m.reshape(*normal.shape[:-1])
-        m, E = np.linalg.eigh(normal)
+        m, E = eigenvectors(normal)
         # What the known columns take up leaves rounding, which explains nothing.
         m = np.where(m > RANK_TOLERANCE * self.m.max(axis=(-1, -2), initial=0.0)[..., None], m, 0.0)
         left = u.reshape(*u.shape[:-2], -1) - sets.shared @ together.swapaxes(-1, -2)

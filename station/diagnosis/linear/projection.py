@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.run_filter import RunFilter
 from station.domain.core.types import Array, Floats
 
@@ -293,7 +294,7 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
     normal, p = scaled.swapaxes(1, 2) @ scaled, columns.shape[2]
     # A column of zeros, of what acts in other units, is given an eigenvalue of its own, beyond those of all others.
     normal[:, np.arange(p), np.arange(p)] += (p + 1) * (length[:, 0] == 0)
-    values, turn = np.linalg.eigh(normal)
+    values, turn = eigenvectors(normal)
     retained, clear = values < p + 0.5, np.all(values > WELL_CONDITIONED, axis=1)
     # The square of the condition is far from the rounding: no singular values are needed.
     basis = scaled @ (turn / np.where(retained, np.sqrt(np.abs(values)), np.inf)[:, None, :])
@@ -310,7 +311,7 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
 def _orthonormal(columns: Floats) -> tuple[Floats, float]:
     """Orthonormal basis (U, M, rank) of columns (U, M, c) over all units; log det of their normal matrix."""
     flat = columns.reshape(columns.shape[0] * columns.shape[1], -1)
-    values, vectors = np.linalg.eigh(flat.T @ flat)
+    values, vectors = eigenvectors(flat.T @ flat)
     retained = values > RANK_TOLERANCE * values.max(initial=0.0)
     basis = flat @ (vectors[:, retained] / np.sqrt(values[retained]))
     return basis.reshape(*columns.shape[:2], -1), float(np.sum(np.log(values[retained])))

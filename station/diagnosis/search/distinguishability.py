@@ -11,6 +11,7 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import UNITS_AT_ONCE, Candidate
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate, accepted_columns
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.evidence import visible_directions
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import ResidualSpace
@@ -70,7 +71,7 @@ def _directions(normal: Floats, cross: Floats | None) -> tuple[Floats, Floats]:
     whose product with the shared known columns is `cross` (K, c); 0 where nothing is seen."""
     if cross is not None:
         normal = normal.sum(0, keepdims=True) - cross @ cross.T
-    m, E = np.linalg.eigh(normal)
+    m, E = eigenvectors(normal)
     visible = visible_directions(m)
     return np.where(visible, m, 0.0), E * visible[:, None, :]
 

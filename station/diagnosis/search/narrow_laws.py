@@ -18,6 +18,7 @@ from station.diagnosis.candidates.bank import Bank, build_bank
 from station.diagnosis.candidates.kernels import law_kernel
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
 from station.diagnosis.data.residuals import ResidualView
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -147,7 +148,7 @@ class _Equations(NamedTuple):
         """Squares (n, G, some) that chosen columns (some, columns) explain, and how many directions are seen."""
         normal = self.normal[:, :, chosen[:, :, None], chosen[:, None]]
         # A column by itself has nothing to be told apart from.
-        m, E = np.linalg.eigh(normal) if chosen.shape[1] > 1 else (normal[..., 0], np.ones_like(normal))
+        m, E = eigenvectors(normal) if chosen.shape[1] > 1 else (normal[..., 0], np.ones_like(normal))
         seen = m > LEAST_SHARE * self.length[:, None, None, None]
         u = (E.swapaxes(-1, -2) @ self.along[:, :, chosen, None])[..., 0]
         return np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0).sum(-1), seen.sum(-1).astype(float)

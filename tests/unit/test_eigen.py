@@ -1,0 +1,33 @@
+"""Eigenvectors of normal matrices, those of which LAPACK's divide and conquer makes nothing too."""
+
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from station.diagnosis.linear.eigen import eigenvectors
+
+#: A kernel of the pose in two nests, beside offsets and gains: of its 60 columns 12 are rounding.
+NORMAL = Path(__file__).parents[1] / "data" / "normal-matrix.npz"
+
+
+def test_a_matrix_that_divide_and_conquer_gives_up_has_its_eigenvectors() -> None:
+    with np.load(NORMAL) as kept:
+        normal = np.stack([kept["normal"], np.diag(np.arange(60.0))])
+    values, vectors = eigenvectors(normal)
+    size = np.abs(normal).max(axis=(1, 2), keepdims=True)
+    made = (vectors * values[:, None]) @ vectors.swapaxes(1, 2)
+    assert np.all(np.diff(values) >= 0)
+    # Sixty products each of rounding, and as much again of the factors themselves.
+    rounding = 120 * np.finfo(float).eps
+    assert np.all(np.abs(made - normal) < rounding * size)
+    assert np.all(np.abs(vectors.swapaxes(1, 2) @ vectors - np.eye(60)) < rounding)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_others_have_those_that_numpy_finds(seed: int, n: int) -> None:
+    half = np.random.default_rng(seed).standard_normal((3, 2, n, n))
+    normal = half @ half.swapaxes(-1, -2)
+    for found, expected in zip(eigenvectors(normal), np.linalg.eigh(normal), strict=True):
+        assert np.array_equal(found, expected)
