@@ -187,6 +187,11 @@ def _heading(name: str, proposal: Proposal) -> str:
         lines.append(
             "the other way. One that turns with the rig, as of unequal feet, counts as errors of its positions."
         )
+    if proposal.recipe.filters_off:
+        lines.append(
+            "Switch the devices' own low-pass filter off, or to its fastest, for the run with `filter: 'off'`:"
+        )
+        lines.append("its lag ends there, what swings in the rig stays. Leave it out where there is no such setting.")
     return "".join(f"# {line}\n" for line in lines)
 
 

@@ -22,6 +22,8 @@ _HAND_KINDS: Mapping[str, str] = {
     "turn-units-home": "turn",
     "turn-base": "base",
     "set-temperature": "temperature",
+    "switch-filter-on": "filter",
+    "switch-filter-off": "filter",
     "switch-motors-off": "motors",
 }
 #: Kinds of cell in which a person is needed.
@@ -31,8 +33,8 @@ Rows = Sequence[Sequence[float]]
 
 @dataclass(frozen=True, slots=True)
 class TimelineCell:
-    """One cell. kind: identify, stop, turn, base, temperature, motors, warm-up, write or verify; run: number of the
-    pass.
+    """One cell. kind: identify, stop, turn, base, temperature, filter, motors, warm-up, write or verify; run: number of
+    the pass.
 
     pose: device → station rotation there, None where it is not known; before: that of the seating before a turn.
     true: the stimulus that the device should read (3), recipe's unit. expected_s: how long it should take.
@@ -153,6 +155,8 @@ def _preparation(recipe: Recipe, number: int, seating: str) -> list[TimelineCell
         found.append(TimelineCell("base", _HAND_S, f"{run.base_turn_deg:g}°", number))
     if run.temperature_offset_degC:
         found.append(TimelineCell("temperature", _HAND_S, f"{run.temperature_offset_degC:+g} °C", number))
+    if recipe.filters_off and (not number or run.filter != recipe.runs[number - 1].filter):
+        found.append(TimelineCell("filter", _HAND_S, run.filter, number))
     if run.motors == "off":
         found.append(TimelineCell("motors", _HAND_S, "", number))
     return [*found, *_warm_up(run, number)]

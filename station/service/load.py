@@ -249,6 +249,8 @@ class Load:
         if run.temperature_offset_degC:
             offset = run.temperature_offset_degC
             yield from self._ask(Message("set-temperature", number=number + 1, offset_degC=offset))
+        if recipe.filters_off and (not number or run.filter != recipe.runs[number - 1].filter):
+            yield from self._ask(Message(f"switch-filter-{run.filter}", number=number + 1))
         if run.motors == "off":
             yield from self._ask(Message("switch-motors-off", number=number + 1))
         if run.prewarm_s and self._capture is not None:

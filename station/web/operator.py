@@ -121,6 +121,8 @@ _HEADLINES = {
     "turn-units-home": ("act-turn-home", "turn"),
     "turn-base": ("act-base", "base"),
     "set-temperature": ("act-temperature", "temperature"),
+    "switch-filter-on": ("act-filter-on", "filter"),
+    "switch-filter-off": ("act-filter-off", "filter"),
     "switch-motors-off": ("act-motors", "motors"),
 }
 

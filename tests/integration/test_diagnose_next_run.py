@@ -46,6 +46,7 @@ TIES: dict[str, tuple[int, set[str], str]] = {
     "offset-temperature=0.0005": (4, {"bias-drift", "warm-up", "clamp-creep"}, "slow"),
     "nest-tilt": (2, {"package-rotation"}, "one run once more in the next nest"),
     "base-tilt": (2, {"index-error"}, "one run with the rig turned 180° on its floor"),
+    "filter-lag": (1, {"settling"}, "one run in the same nest with the device's filter off"),
 }
 
 
@@ -53,7 +54,8 @@ TIES: dict[str, tuple[int, set[str], str]] = {
 def test_the_proposed_run_tells_it_apart(effect: str, tmp_path: Path) -> None:
     units, tied, change = TIES[effect]
     recipe, name = once(tmp_path), effect.partition("=")[0]
-    requested = ("--units", str(units), "--seed", "5", "--effect", effect)
+    nests = "1" if units == 1 else "4"
+    requested = ("--units", str(units), "--nests", nests, "--seed", "5", "--effect", effect)
     old, new, following = (tmp_path / n for n in ("old.parquet", "new.parquet", "next.yaml"))
     assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
     before = diagnosed(recipe, old, "--next-run", str(following))
@@ -96,19 +98,7 @@ def test_what_one_nest_cannot_tell_is_told_in_another(tmp_path: Path) -> None:
     assert "put each unit into another one" in following.read_text(encoding="utf-8")
 
 
-def test_where_no_run_helps_it_says_what_would(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recipe, old, following = once(tmp_path), tmp_path / "old.parquet", tmp_path / "next.yaml"
-    requested = ("--units", "1", "--seed", "5", "--effect", "settling")
-    assert station("simulate", "--recipe", recipe, *requested, "--out", str(old)) == 0
-    before = diagnosed(recipe, old, "--next-run", str(following))
-    assert members(before) == {"settling", "filter-lag"}
-    assert before["next_run"]["separates"] == []
-    assert "another output data rate" in before["next_run"]["recipe_change"]
-    assert "nothing is written" in capsys.readouterr().err
-    assert not following.exists()
-
-
-def test_one_pose_of_one_unit_has_no_run_that_tells_apart(tmp_path: Path) -> None:
+def test_one_pose_of_one_unit_has_no_run_that_tells_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A sensor that warms towards a steady state in one pose: its temperature and the rate of it are one curve, and a
     run of one visit leaves nothing beside the offset."""
     rng, n, rows = np.random.default_rng(4), 40, 8
@@ -119,6 +109,9 @@ def test_one_pose_of_one_unit_has_no_run_that_tells_apart(tmp_path: Path) -> Non
     table = table.assign(unit="SN0001", run=0, visit=np.repeat(np.arange(n), rows), position="z-up", time_s=seconds)
     samples = tmp_path / "warming.parquet"
     table.assign(temperature_degC=warm + rng.normal(0, 0.02, len(warm))).to_parquet(samples)
-    document = diagnosed("one-point", samples)
+    following = tmp_path / "next.yaml"
+    document = diagnosed("one-point", samples, "--next-run", str(following))
+    assert "nothing is written" in capsys.readouterr().err
+    assert not following.exists()
     assert {"offset-temperature", "temperature-rate"} <= members(document)
     assert document["next_run"]["separates"] == []

@@ -162,7 +162,14 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
         seatings={"turned": {"axis": [0, 0, 1], "angle_deg": 180}},
         runs=[
             {"seating": "home"},
-            {"seating": "turned", "order": "reversed", "prewarm_s": 5, "motors": "off", "base_turn_deg": 180},
+            {
+                "seating": "turned",
+                "order": "reversed",
+                "prewarm_s": 5,
+                "motors": "off",
+                "base_turn_deg": 180,
+                "filter": "off",
+            },
         ],
         method="n-point",
     )
@@ -171,9 +178,12 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
     turn = "Pass 2: turn each unit 180° about z (seating 'turned')"
     about = "turn the whole rig about the vertical to {}° from how it usually stands"
     rig = [f"Pass 1: {about.format(0)}", f"Pass 2: {about.format(180)}"]
-    assert [render(m) for m in requested] == [rig[0], turn, rig[1], "Pass 2: switch the line's motors off"], (
-        "nothing goes on before a person has done it"
-    )
+    filters = [
+        "Pass 1: set the units' own filter as it usually is",
+        "Pass 2: switch the units' own filter off, or to its fastest",
+    ]
+    asked = [rig[0], filters[0], turn, rig[1], filters[1], "Pass 2: switch the line's motors off"]
+    assert [render(m) for m in requested] == asked, "nothing goes on before a person has done it"
     report = [render(e.message) for e in ran.of(Notice)]
     assert any("motors off" in t for t in report)
     visits = [v for v in ran.life("SN0001")["visits"] if v["kind"] == "tumble"]

@@ -227,6 +227,13 @@ def test_what_is_left_of_a_move_dies_away(name: str) -> None:
     np.testing.assert_allclose(got[1:], np.stack([1 - left, 0 * left, left], 1), atol=1e-15)
 
 
+def test_a_filter_that_is_off_lags_no_more_and_the_rig_still_swings() -> None:
+    at = scene(["z-up", "x-up"] * 2, run=[0, 0, 1, 1], runs=[{}, {"filter": "off"}])
+    lag, swing = (reads(name, [0.5] * 3, at, time_constant_s=1.0) for name in ("filter-lag", "settling"))
+    np.testing.assert_allclose(lag, [[0.0, 0, 1], [0.5, 0, 0.5], [0.0, 0, 1], [1.0, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(swing[2:], lag[:2], atol=1e-15)
+
+
 def test_settling_may_ring() -> None:
     """At 2.5 Hz and 0.2 s the swing is half a period on: the sign is turned."""
     at = scene(["z-up", "x-up"], values={})

@@ -211,9 +211,7 @@ def _rated_menu(
     kinds: Collection[Run] = (),
 ) -> Iterator[Proposal]:
     """The runs of the menu, the shortest first; kinds: none but these, where there are any."""
-    # The errors of all positions can look like a tilt of the floor in any run, but for one where that lies otherwise.
-    base = any("base-tilt" in s.members for s in lines_up)
-    menu = run_menu(campaign, now, on_turned_base=base)
+    menu = run_menu(campaign, now, {name for s in lines_up for name in s.members})
     for text, longer in sorted(menu, key=lambda choice: round(minutes_of(choice[1]))):
         if not kinds or _kind_of(longer) in kinds:
             yield _rated(campaign, text, longer, lines_up, before)

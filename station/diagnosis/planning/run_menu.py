@@ -1,6 +1,6 @@
 """The runs that a plan chooses from: one more of each kind, and how long it takes."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import combinations, product
 from typing import Any
 
@@ -28,10 +28,11 @@ def minutes_of(runs: PlannedRuns) -> float:
 
 
 def run_menu(
-    campaign: MeasuredCampaign, now: PlannedRuns, *, on_turned_base: bool = False
+    campaign: MeasuredCampaign, now: PlannedRuns, tied: Collection[str] = ()
 ) -> Iterator[tuple[str, PlannedRuns]]:
-    """The campaign with one more run of each kind, the quickest to set up first; on_turned_base: also with the whole
-    rig turned, which nothing but a tilt of the floor feels."""
+    """The campaign with one more run of each kind, the quickest to set up first; tied: ids of causes, some of which
+    have a run of their own. Of a rig turned on its floor nothing but a tilt of that feels anything, of a filter that is
+    off nothing but its lag."""
     turned, flipped = Turn(axis=(0, 0, 1), angle_deg=180), Turn(axis=(1, 0, 0), angle_deg=180)
     kinds: list[tuple[str, dict[str, Any], dict[str, Turn], bool]] = [
         *([(ANOTHER_NEST if campaign.elsewhere else SECOND_NEST, {}, {}, False)] if campaign.nests > 1 else []),
@@ -66,7 +67,12 @@ def run_menu(
             continue
         words = f"one run {text}" + (f" (dwells of {dwell.time_s:g} s)" if slow else "")
         yield words, now.followed_by(Run(**run), seats, dwell)
-    if on_turned_base and now.recipe.feels_gravity_alone:
+    if "filter-lag" in tied:
+        # A swing that each nest has for itself ends in another nest as a lag does with the filter.
+        where = " in the same nest" if campaign.nests == 1 else ""
+        words = f"one run{where} with the device's filter off"
+        yield words, now.followed_by(Run(filter="off"), {}, now.dwells[-1])
+    if "base-tilt" in tied and now.recipe.feels_gravity_alone:
         words = "one run with the rig turned 180° on its floor"
         yield words, now.followed_by(Run(base_turn_deg=180), {}, now.dwells[-1])
     if tilts := _tilts_between_faces(now.recipe):

@@ -8,10 +8,14 @@ from station.domain.recipe.fields import Finite, Name, NotNegative, Positive, St
 from station.domain.recipe.position import Position
 from station.errors import InvalidValue
 
+#: Whether something works. YAML makes booleans of the words.
+OnOff = Annotated[Literal["on", "off"], BeforeValidator(lambda v: {True: "on", False: "off"}.get(v, v))]
+
 
 class Run(StrictModel):
     """One pass of the unit through the positions. first, last: where the order `fastest` must begin and end;
-    base_turn_deg: how far the whole rig is turned about the vertical from how it usually stands."""
+    base_turn_deg: how far the whole rig is turned about the vertical from how it usually stands; filter: whether the
+    units' own low-pass filter works as it usually does, or is off (or so fast that nothing of a move is left of it)."""
 
     seating: Name = "home"
     order: Literal["listed", "reversed", "shuffled", "fastest"] = "listed"
@@ -19,9 +23,10 @@ class Run(StrictModel):
     last: Name | None = None
     temperature_offset_degC: Finite = 0.0
     prewarm_s: NotNegative = 0.0
-    motors: Annotated[Literal["on", "off"], BeforeValidator(lambda v: {True: "on", False: "off"}.get(v, v))] = "on"
+    motors: OnOff = "on"
     # What is not stated leaves the hash of a recipe as it was.
     base_turn_deg: Finite = Field(default=0.0, exclude_if=lambda v: v == 0.0)
+    filter: OnOff = Field(default="on", exclude_if=lambda v: v == "on")
 
     @model_validator(mode="after")
     def _check_ends(self) -> Self:

@@ -75,6 +75,11 @@ class Recipe(StrictModel):
         return any(run.base_turn_deg for run in self.runs)
 
     @property
+    def filters_off(self) -> bool:
+        """Whether any run wants the units' own filter off."""
+        return any(run.filter == "off" for run in self.runs)
+
+    @property
     def feels_gravity_alone(self) -> bool:
         """Whether the stimulus stays what it is when the whole rig is turned about the vertical."""
         return self.reference.source in ("gravity", "gold") and not self.feels_rotation

@@ -27,7 +27,7 @@ class Settling(StimulusEffect):
     remedy = "lengthen `settle.time_s` in the recipe, or stiffen the fixture"
     shown_by = "set `settle.time_s` to 0, so that the dwell begins during the move's last swing"
     drawn_over = "dwell"
-    separated_by = (("filter-lag", "another output data rate: ringing of the rig keeps its frequency in Hz"),)
+    separated_by = (("filter-lag", "a run with the device's own filter off: what swings in the rig stays"),)
     level = "rig"
     of = ("common", "nest")
     parameter = Parameter(

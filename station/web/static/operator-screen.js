@@ -23,7 +23,7 @@ const ScreenView = (() => {
   const cellOf = (state, plan) => plan.cells[(state.line || {}).cell] || null;
   /** How units lie while they are put in: the fixture waits level, as it parks. */
   const seated = (plan) => plan.cells.find((c) => c.kind === "stop" && c.up === "+z") || plan.cells.find((c) => c.kind === "stop");
-  const hand = (cell) => ["turn", "base", "temperature", "motors"].includes(cell.kind);
+  const hand = (cell) => ["turn", "base", "temperature", "filter", "motors"].includes(cell.kind);
   const cellName = (cell) => (cell.kind === "stop" ? cell.name : texts[`cell_${cell.kind}`]);
   const isRunning = (state) => state.running;
 
@@ -114,7 +114,7 @@ const ScreenView = (() => {
   const SCENE = '<svg class="scene" viewBox="0 0 420 250" aria-hidden="true"><path class="beam" d="M140 92L232 42V170z"/><path class="gun" d="M20 52q16-10 60-10h42q14 0 14 14v44q0 14-14 14H96l14 92q2 12-10 12H66q-10 0-12-12L36 118Q18 104 18 88z"/><path class="dark" d="M124 60h14v36h-14zM78 122h10v20h-10z"/><path class="ray" d="M140 80h104"/><rect class="card" x="228" y="10" width="176" height="200" rx="8"/><path class="bars" d="M250 36h4v116h-4zM258 36h3v116h-3zM268 36h8v116h-8zM280 36h4v116h-4zM290 36h3v116h-3zM298 36h7v116h-7zM312 36h4v116h-4zM322 36h8v116h-8zM336 36h3v116h-3zM344 36h6v116h-6zM356 36h3v116h-3zM364 36h7v116h-7zM376 36h4v116h-4zM260 168h112v7H260zM260 184h74v7h-74z"/></svg>';
   /** Names of so many letters stand beside each other under the time line. */
   const LETTERS = 110;
-  const cellPicture = (plan, cell) => cell.kind === "stop" ? picture(plan, cell.picture) : h("div", { class: "picture" }, icon({ identify: "identify", write: "write", verify: "verify", "warm-up": "heat", turn: "hand", base: "hand", temperature: "heat", motors: "motor" }[cell.kind]));
+  const cellPicture = (plan, cell) => cell.kind === "stop" ? picture(plan, cell.picture) : h("div", { class: "picture" }, icon({ identify: "identify", write: "write", verify: "verify", "warm-up": "heat", turn: "hand", base: "hand", filter: "hand", temperature: "heat", motors: "motor" }[cell.kind]));
 
   function task(state, plan) {
     const { view } = state;
