@@ -117,6 +117,9 @@ def test_faces_alone_are_gone_on_with_by_tilts_half_way_between_them() -> None:
     slow = menu["one run with 12 tilts between the faces, slow (dwells of 10 s)"]
     assert slow.recipe.dwell.time_s == 10
     assert not any("tilts" in text for text, _ in run_menu(longer, PlannedRuns.measured(recipe)))
+    # A rate is felt along the spindle, however the part stands.
+    turning = PlannedRuns.measured(load_job("gyroscope-six-point")[0].recipe)
+    assert not any("tilts" in text for text, _ in run_menu(campaign, turning))
 
 
 def test_a_plan_reads_the_thermometer_as_badly_as_it_was_read() -> None:

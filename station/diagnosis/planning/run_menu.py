@@ -91,8 +91,12 @@ def _slow(rule: DwellRule) -> DwellRule:
 
 def _tilts_between_faces(recipe: Recipe) -> tuple[Position, ...]:
     """The twelve positions half-way between two faces, where an axis feels nothing between none and all of the stimulus
-    in any position of a recipe; else none. What bends by the size of the input and by its square part only there."""
-    felt = np.array([p.matrix()[2] for p in recipe.positions])
+    in any position of a recipe; else none, as on a table whose positions state a rate. What bends by the size of the
+    input and by its square part only there."""
+    if recipe.feels_rotation:
+        return ()
+    stimulus = np.array([p.matrix().T @ recipe.stimulus(p) for p in recipe.positions]).reshape(-1, 3)
+    felt = stimulus / np.linalg.norm(stimulus, axis=1, keepdims=True)
     if not len(felt) or np.any(np.abs(felt * (1 - np.abs(felt))) > FACE_TOLERANCE):
         return ()
     found = []
