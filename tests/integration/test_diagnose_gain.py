@@ -11,7 +11,7 @@ import yaml
 
 from station.adapters.samples import read_samples
 from station.config.recipes import load_recipe, recipe_path
-from station.diagnosis.results.line_impact import _unit_impact
+from station.diagnosis.results.line_impact import _impacts, _unit_impact
 from station.domain.core.types import Floats
 from station.domain.evaluation import pipeline
 from station.model.simulate import SimulationJob, simulate
@@ -96,6 +96,8 @@ def test_rounding_moves_nothing() -> None:
         impact = _unit_impact(result, moved, 1.0)
         assert impact is not None
         assert impact.shift_rms == moves
+    # A unit that is clipped at every visit is measured, and not corrected.
+    assert len(_impacts([result, replace(result, serial="B")], [result], 1.0)) == 1
 
 
 def test_where_nothing_is_found_nothing_moves(tmp_path: Path) -> None:

@@ -70,9 +70,17 @@ def assess_line_impact(d: Diagnosis, today: str) -> LineImpact | None:
         # Data that can be diagnosed need not be such that the recipe's method can calibrate them.
         return None
     strength = d.recipe.reference.strength()
-    units = (_unit_impact(b, a, strength) for b, a in zip(before, after, strict=True))
     limits = any(getattr(d.recipe.limits, name) is not None for name in JUDGED_LIMITS)
-    return LineImpact(tuple(u for u in units if u is not None), limits)
+    return LineImpact(_impacts(before, after, strength), limits)
+
+
+def _impacts(
+    before: Sequence[CalibrationResult], after: Sequence[CalibrationResult], strength: float
+) -> tuple[UnitImpact, ...]:
+    """Of the units that are calibrated both ways: one whose gross fault leaves nothing to fit has no after."""
+    corrected = {a.serial: a for a in after}
+    units = (_unit_impact(b, corrected[b.serial], strength) for b in before if b.serial in corrected)
+    return tuple(u for u in units if u is not None)
 
 
 def cause_contribution(problem: ScoringProblem, i: int) -> tuple[Floats, Floats]:
