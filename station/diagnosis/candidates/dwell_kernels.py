@@ -32,7 +32,7 @@ def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
     count = view.reduced.count
     if view.reduced.contrast.shape[1] == 0 or not np.any(count[:, 1:]):
         return
-    a = view.stimulus
+    a = view.nominal_stimulus
     step = steps_before(view, a)
     slow, driven = list(_slow_courses(view)), list(_driven_courses(view))
     sizes = np.ones_like(a), step, a

@@ -240,7 +240,7 @@ def _position(view: ResidualView) -> Iterator[Candidate]:
 
 def _input(view: ResidualView) -> Iterator[Candidate]:
     """Whatever may follow the true vector."""
-    a = view.stimulus
+    a = view.nominal_stimulus
     for columns in functions_of_input(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)):
         yield from kernels_at(view, "input", columns, "unit", "common")
 
@@ -249,7 +249,7 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
     """Another offset, another gain and another turn in each run of each unit: it was seated anew."""
     if len(view.scene.group("run")[1]) == view.grid.units:
         return
-    a = view.stimulus
+    a = view.nominal_stimulus
     others = np.concatenate([own_axis(np.roll(a, places, axis=1)) for places in (1, 2)], axis=2)
     for columns in (
         ones(view),
@@ -261,7 +261,7 @@ def _unit(view: ResidualView) -> Iterator[Candidate]:
 def _group(view: ResidualView) -> Iterator[Candidate]:
     """Another offset and another matrix for each station, nest, lot and operator; where a gold is the truth, which may
     stand elsewhere, another turn of each nest."""
-    a = view.stimulus
+    a = view.nominal_stimulus
     matrix = CauseColumns.in_bank(view, np.einsum("ij,vk->vijk", np.eye(3), a).reshape(len(a), 3, 9))
     for of in ("station", "nest", "lot", "operator"):
         if view.scene.is_recorded(of) and len(view.scene.group(of)[1]) > 1:
@@ -299,7 +299,7 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
             )
             for of in levels_that_differ(view, "unit", "common") if bends == 1 else ("unit",):
                 yield kernel(f"{one}*{two}", of, view, columns)
-    a = view.stimulus
+    a = view.nominal_stimulus
     for one in FACTORS:
         if one in factor and (name := f"{one}*input") in KERNEL_NAMES and one != "order":
             # What each axis takes of any, of the product of the two others, or of its own with them.
@@ -311,7 +311,7 @@ def _products(view: ResidualView) -> Iterator[Candidate]:
 
 def _swinging_gain(view: ResidualView) -> Iterator[Candidate]:
     """A gain that swings in time, with any phase."""
-    a = view.stimulus
+    a = view.nominal_stimulus
     for swing in _swings(view) if np.ptp(view.scene.time_s) > 0 else ():
         columns = CauseColumns.in_bank(view, np.concatenate([own_axis(a * wave) for wave in swing], axis=2))
         for of in levels_that_differ(view, "run", "unit", "common"):
@@ -322,7 +322,7 @@ def _factors(view: ResidualView) -> dict[str, Floats]:
     """Functions (v, 3, f) of each covariate that varies, for each axis: Legendre's first two, or what an axis feels
     now and by how much that is another than at the visit before."""
     scene = view.scene
-    a = view.stimulus
+    a = view.nominal_stimulus
     a = a / np.max(np.linalg.norm(a, axis=1), initial=1e-300)
     step = steps_before(view, a)
     plain: dict[str, Floats | None] = {"time": scene.time_s, "motor": scene.motor}

@@ -71,7 +71,7 @@ def laws_of_view(view: ResidualView) -> Iterator[Law]:
 
 def _stimulus(view: ResidualView) -> Floats:
     """What each axis feels at each visit (v, 3), as a share of the most."""
-    a = view.stimulus
+    a = view.nominal_stimulus
     return np.asarray(a / np.max(np.linalg.norm(a, axis=1), initial=1e-300))
 
 

@@ -90,7 +90,7 @@ def _wound_up(turn: Floats, view: ResidualView) -> Floats:
 def _memories(view: ResidualView) -> Iterator[Candidate]:
     """What each axis felt at earlier visits, how far these were, and whether they were far, the most recent weighing
     most."""
-    a, previous = view.stimulus, view.scene.visits.previous
+    a, previous = view.nominal_stimulus, view.scene.visits.previous
     came = steps_before(view, a)
     felt = [own_axis(remembered(np.where(previous[:, None] >= 0, a[previous], 0.0), view, kept)) for kept in FELT_KEPT]
     yield from kernels_at(view, "order", np.concatenate(felt, axis=2), "unit", "common")

@@ -28,7 +28,7 @@ def order_kernels(view: ResidualView) -> Iterator[Candidate]:
     what each axis felt before that, and where it came from."""
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
-    a = view.stimulus
+    a = view.nominal_stimulus
     step = each_axis(steps_before(view, a))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
     earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))

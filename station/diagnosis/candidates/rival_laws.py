@@ -117,7 +117,7 @@ def _tilts(view: ResidualView) -> Iterator[Candidate]:
 def _weight_in_nest(view: ResidualView) -> list[Floats]:
     """What each axis of the nest feels (v), its size, and its side where it is slack; none where it is always alike."""
     visits = view.scene.visits
-    felt = np.einsum("vij,vj->iv", visits.seat_R, view.stimulus)
+    felt = np.einsum("vij,vj->iv", visits.seat_R, view.nominal_stimulus)
     felt = felt / max(float(np.abs(felt).max()), 1e-300)
     forms = [form for g in felt for form in (g, np.abs(g), np.where(np.abs(g) > LEVEL, np.sign(g), 0.0))]
     return [form for form in forms if np.ptp(form) > LEVEL]

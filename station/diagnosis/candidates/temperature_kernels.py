@@ -69,7 +69,7 @@ def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
     memory, rate = TemperatureMemory.of(view.scene), view.scene.temperature_rate
     if memory is None or rate is None:
         return
-    a = view.stimulus
+    a = view.nominal_stimulus
     for x in (np.sign(rate), (memory.temperature_degC - memory.lagged(LAG)) / memory.range_degC):
         if np.ptp(x) > 0:
             yield from kernels_at(view, "temperature*input", each_axis(a) * x[:, None, None], "unit", "common")
@@ -78,7 +78,7 @@ def _heated_by_pose(view: ResidualView) -> Iterator[Candidate]:
 def _fading_by_pose(view: ResidualView) -> Iterator[Candidate]:
     """What each axis picks up from any other after power-on or clamping and loses with time: air that rises along a
     warm part."""
-    a = view.stimulus
+    a = view.nominal_stimulus
     for since in (view.scene.since_power_s, view.scene.since_clamp_s):
         if since is not None and np.ptp(since) > 0:
             fading = np.exp(-since / FADE_S)[:, None, None]

@@ -45,6 +45,8 @@ COURSES = frozenset({"time", "since-power", "since-clamp", "temperature", "tempe
 VISITS_AT_ONCE = 2048
 #: Courses of the temperature, of those that are likely, that sizes are looked at with.
 MOST_COURSES = 8
+#: Of what an axis feels, as a share of the most, so many digits are the recipe's.
+STIMULUS_DIGITS = 6
 #: An axis whose stimulus varies by less than this share of its strength (rms over a unit's visits) shows no gain.
 MIN_GAIN_STIMULUS = 1e-3
 
@@ -78,6 +80,14 @@ class ResidualView:
     def stimulus(self) -> Floats:
         """What each sensor feels at rest at each visit (v, 3)."""
         return self.signal.at_visit
+
+    @cached_property
+    def nominal_stimulus(self) -> Floats:
+        """The same by the recipe alone (v, 3), without the last digits of its poses: what a form makes of those, or of
+        the small turns of a cause, is none of its directions, however large its coefficient."""
+        a = resting_stimulus(self.scene)
+        strength = float(np.max(np.linalg.norm(a, axis=1), initial=1e-300))
+        return np.round(a / strength, STIMULUS_DIGITS) * strength
 
     @cached_property
     def _fine_signal(self) -> Signal:
