@@ -17,6 +17,7 @@ from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
 from station.domain.core.types import Floats
+from station.domain.recipe import sensor
 from station.model.forward import ActiveEffect, ActiveEffects
 
 
@@ -125,11 +126,12 @@ def nuisance_of(
             common_precision = np.concatenate([common_precision, weight[chosen]])
             common_target = np.concatenate([common_target, about[chosen]])
             shared.append(rows)
-    for rows in _covariate_error_columns(view, accepted):
+    free = [(rows, 0.0) for rows in _truth_error_columns(view)]
+    for rows, weight_of_zero in (*free, *((rows, 1.0) for rows in _covariate_error_columns(view, accepted))):
         own.append(rows)
         width = rows.visit.shape[-1]
         precision, target = (
-            np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, 1), (target, 0))
+            np.pad(x, ((0, 0), (0, width)), constant_values=c) for x, c in ((precision, weight_of_zero), (target, 0))
         )
     known = NuisanceColumns(
         DataColumns.concatenate(own),
@@ -140,6 +142,20 @@ def nuisance_of(
         common_target,
     )
     return known, tuple(places)
+
+
+def _truth_error_columns(view: ResidualView) -> Iterator[DataColumns]:
+    """What moves a healthy gyroscope beside its rate, for each unit separately: gravity by its g-sensitivity, the Earth
+    by what is not known of its turning. How much of each is left free: units differ, and some have none."""
+    recipe, visits = view.scene.recipe, view.scene.visits
+    if not (recipe.pose_known and recipe.feels_rotation):
+        return
+    pairs, at = np.unique(np.stack([visits.position.code, visits.seating.code]), axis=1, return_inverse=True)
+    labels = visits.position, visits.seating
+    position, seating = (tuple(of.names[i] for i in code) for of, code in zip(labels, pairs, strict=True))
+    true = np.array([recipe.true_vector(recipe.position(p), s) for p, s in zip(position, seating, strict=True)])
+    errors = sensor.of(recipe).truth_errors(recipe, position, seating, true)
+    yield view.rows(np.moveaxis(np.concatenate(list(errors.values())), 0, -1)[at], None)
 
 
 def _covariate_error_columns(view: ResidualView, accepted: tuple[AcceptedCause, ...]) -> Iterator[DataColumns]:

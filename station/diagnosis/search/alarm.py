@@ -25,7 +25,10 @@ from station.domain.core.types import Floats
 #: Raised whenever a kept null distribution is no longer valid.
 NULL_CACHE_VERSION = 15
 #: What of a recipe the bank is made from: the same name may stand for other positions.
-_DESIGN = {"sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"}
+_DESIGN: dict[str, bool | set[str]] = {
+    **dict.fromkeys(("sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"), True),
+    "device": {"g_sensitivity"},
+}
 #: Errors of a logarithm of the noise within the dwells are as good as the same within such a step.
 ERROR_STEP = 0.05
 #: Chance of any alarm in data without a cause, and in sets that are drawn: real noise, whose tails, colour and floor

@@ -1,0 +1,31 @@
+"""What a healthy gyroscope feels beside its rate is known before any cause is looked for."""
+
+import numpy as np
+import pytest
+
+from station.config.recipes import load_recipe
+from station.diagnosis.candidates.nuisance import nuisance_of
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.residuals import initial_view
+from station.domain.core.types import Floats
+from station.model.simulate import SimulationJob, simulate
+
+
+def left_of(recipe_name: str, pull: Floats) -> float:
+    """The largest share of readings of a unit that no calibration and no known column takes, of axes that feel gravity
+    by pull (3, 3)."""
+    recipe = load_recipe(recipe_name)
+    table = simulate(SimulationJob(recipe, ("A",), seed=3)).table
+    view = initial_view(reduce_samples(recipe, table))
+    known, _ = nuisance_of(view, (), matrix=False)
+    visits = view.scene.visits
+    up = np.einsum("vji,vkj->vik", visits.seat_R, visits.nest_R)[..., 2]
+    added = view.rows((up @ pull.T)[..., None], None).visit.reshape(-1)
+    columns = known.own.visit.reshape(len(added), -1)
+    rest = added - columns @ np.linalg.lstsq(columns, added, rcond=1e-9)[0]
+    return float(np.linalg.norm(rest) / np.linalg.norm(added))
+
+
+@pytest.mark.parametrize("name", ["gyroscope-six-point", "gyroscope-n-point"])
+def test_gravity_on_a_gyroscope_is_no_cause(name: str) -> None:
+    assert left_of(name, np.random.default_rng(4).standard_normal((3, 3))) < 1e-9
