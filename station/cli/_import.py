@@ -12,6 +12,7 @@ from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import (
     columns,
     interleaved,
+    next_step,
     samples,
     still_files,
     understanding,
@@ -65,7 +66,7 @@ def import_files(
     if as_json:
         _output.print_json({"schema": understanding.SCHEMA, "recordings": documents})
     else:
-        _print(visited, documents, out)
+        _print(visited, documents, out, job.recipe)
     return 0
 
 
@@ -159,13 +160,19 @@ def _understood(table: RawTable, job: ImportJob, recipe: Recipe | None) -> Recor
 
 
 def _print(
-    visited: Sequence[tuple[UnitRecording, Visits | None]], documents: Sequence[dict[str, Any]], out: Path | None
+    visited: Sequence[tuple[UnitRecording, Visits | None]],
+    documents: Sequence[dict[str, Any]],
+    out: Path | None,
+    recipe: str | None,
 ) -> None:
     for (one, visits), document in zip(visited, documents, strict=True):
         remarks = (*one.recording.remarks, *(visits.remarks if visits is not None else ()))
         for message in understanding.messages(document, remarks):
             _output.print_message(message)
     if out is not None:
-        count = sum(len(v.edges) for _, v in visited if v is not None)
+        found = [(one, v) for one, v in visited if v is not None]
+        count = sum(len(v.edges) for _, v in found)
         written = Message("wrote-visits", file=str(out), visits=count) if count else Message("wrote-raw", file=str(out))
         _output.print_message(written)
+        if count and (step := next_step.of(found, recipe, str(out))) is not None:
+            _output.print_message(step)

@@ -458,3 +458,67 @@ def test_one_pose_that_drifts_tells_no_unit_of_an_axis(
     y = np.array([0.01, -0.02, 1.01]) + np.repeat(drift, 500, axis=0) + 2e-4 * rng.standard_normal((20_000, 3))
     path = saved(tmp_path / "a.csv", np.c_[np.arange(20_000) / 100, y], header="t,ax,ay,az")
     check(understood(capsys, path, "--blocks", "500"), visits=40, raw_unit="g")
+
+
+def test_the_counts_of_a_compass_beside_turn_rates_without_names(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Counts off their centre by most of the field, whose magnitude happens to be near a power of two; the rates beside
+    them have the size of a field in µT, and go round nothing."""
+    t = np.linspace(0, 60, 3000)
+    height, round_ = 0.98 * np.sin(2 * np.pi * t / 13), 2 * np.pi * t / 3.1
+    across = np.sqrt(1 - height**2)
+    turned = np.stack([across * np.cos(round_), across * np.sin(round_), height], axis=1)
+    counts = np.round(1000 * turned @ np.diag([1.03, 0.96, 1.0]) + [690, 370, 360])
+    fast = 45 * (1 + 0.4 * np.sin(2 * np.pi * t / 4.7))[:, None]
+    rates = np.roll(turned, 700, axis=0)[:, [2, 0, 1]] * fast + rng.standard_normal((3000, 3))
+    one = understood(capsys, saved(tmp_path / "log.txt", np.c_[counts, rates]))
+    check(one, axes=["column 0", "column 1", "column 2"], reading_unit="uT", visits_by="readings")
+
+
+def six_faces(rng: np.random.Generator, noise: Floats, offset: Floats) -> Floats:
+    """Readings (n, 3) in g at 100 Hz: each face three times for 2.5 s, 3 s in the hand between; noise (6) by face."""
+    faces = np.concatenate([np.eye(3), -np.eye(3)])
+    parts = []
+    for i in np.tile(np.arange(6), 3).tolist():
+        parts.append(faces[i] + noise[i] * rng.standard_normal((250, 3)))
+        swing = np.linspace(0, 1, 300)[:, None]
+        parts.append(faces[i] * (1 - swing) + faces[(i + 1) % 6] * swing + 0.3 * rng.standard_normal((300, 3)))
+    return np.asarray(np.concatenate(parts[:-1]) + offset)
+
+
+def test_six_faces_of_a_sensor_far_off_zero_are_a_tumble_though_it_rests_for_less_than_half(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Offsets that make magnitudes range over 12 %, as nobody has calibrated it."""
+    y = six_faces(rng, np.full(6, 0.002), np.array([-0.02, 0.06, -0.03]))
+    path = saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az")
+    check(understood(capsys, path), visits=18, poses=6, visits_by="rest")
+    assert station("import", path, "--out", str(tmp_path / "a.parquet")) == 0
+    assert "--recipe six-point" in capsys.readouterr().out
+    assert station("import", path, "--recipe", "six-point", "--out", str(tmp_path / "a.parquet")) == 0
+    assert "Next: station calibrate --samples" in capsys.readouterr().out
+
+
+def test_poses_that_are_held_less_steadily_than_others_rest_too(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = six_faces(rng, np.array([0.005, 0.002, 0.002, 0.002, 0.005, 0.002]), np.zeros(3))
+    path = saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az")
+    check(understood(capsys, path), visits=18, poses=6)
+
+
+def test_a_unit_that_is_turned_all_the_time_never_rests(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Slow parts of a rotation by hand are quiet beside its fast ones, but go ten degrees away and come back."""
+    slow = np.arange(0, 10, 1 / 30)
+    away = 0.18 * (1 - np.cos(2 * np.pi * slow / 10)) / 2
+    parts = []
+    for i in range(6):
+        pose, aside = np.eye(3)[i % 3] * (-1) ** i, np.eye(3)[(i + 1) % 3]
+        parts.append(pose * np.cos(away)[:, None] + aside * np.sin(away)[:, None])
+        parts.append(rng.standard_normal((120, 3)))
+    y = np.concatenate(parts) + 0.02 * rng.standard_normal((6 * (len(slow) + 120), 3))
+    path = saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 30, y], header="t,ax,ay,az")
+    assert "never at rest" in refused(capsys, path)

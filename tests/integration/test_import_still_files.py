@@ -99,3 +99,18 @@ def test_files_in_one_orientation_are_units(
     assert station("import", *same) == 2
     assert "at rest in one stretch" in capsys.readouterr().err
     assert len(recordings(capsys, same, "--recipe", "one-point")) == 4
+
+
+def test_short_files_that_move_hold_no_still_pose(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Slides of three seconds along each axis begin and end level: too short to look for rest in, but no poses."""
+    files = []
+    for i, tilt in enumerate(np.radians([[0, 0], [15, 0], [0, 15]])):
+        t = np.arange(60) / 20
+        pushed = 0.3 * np.sin(2 * np.pi * t / 3)[:, None] * np.eye(3)[i]
+        y = np.array([np.sin(tilt[0]), np.sin(tilt[1]), 1.0]) + pushed + 0.005 * rng.standard_normal((60, 3))
+        files.append(str(tmp_path / f"slide-{i}.csv"))
+        np.savetxt(files[-1], np.c_[1000 * t, y], "%.3f", ",", header="ms,ax,ay,az", comments="")
+    assert station("import", *files) == 2
+    assert "too short" in capsys.readouterr().err

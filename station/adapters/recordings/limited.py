@@ -14,6 +14,7 @@ from station.domain.core.types import Array, Labels
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 from station.files.limited_process import Block, receive_blocks, send_blocks
+from station.messages import Message
 
 _TABLE, _COLUMN = b"T", b"C"
 READERS = {"parquet": arrow.read_parquet, "matlab": matlab.read, "mf4": mf4_signals.read, "arrays": arrays.read}
@@ -43,7 +44,8 @@ def _blocks(path: Path, kind: str) -> Iterator[Block]:
     for table in tables:
         check_column_names(str(path), (column.name for column in table.columns))
         columns = [_head(column) for column in table.columns]
-        yield _TABLE, json.dumps({"rate_hz": table.rate_hz, "columns": columns}).encode()
+        remarks = [message.document() for message in table.remarks]
+        yield _TABLE, json.dumps({"rate_hz": table.rate_hz, "columns": columns, "remarks": remarks}).encode()
         for column in table.columns:
             yield _COLUMN, np.ascontiguousarray(_numbers(column)).tobytes()
 
@@ -65,6 +67,7 @@ def _table(path: Path, head: dict[str, Any], columns: list[Array]) -> RawTable:
         str(path),
         tuple(_column(of, numbers) for of, numbers in zip(head["columns"], columns, strict=True)),
         rate_hz=head["rate_hz"],
+        remarks=tuple(_message(**remark) for remark in head["remarks"]),
     )
 
 
@@ -72,3 +75,7 @@ def _column(head: dict[str, Any], numbers: Array) -> RawColumn:
     if head["names"] is None:
         return RawColumn(head["name"], numbers, None, head["unit"])
     return RawColumn(head["name"], None, Labels(tuple(head["names"]), numbers), head["unit"])
+
+
+def _message(id: str, **parameters: Any) -> Message:  # noqa: A002 - the word of the format
+    return Message(id, **parameters)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from station.diagnosis.data.visit_motion import VisitMotion
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
+from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import usual_rates
 from station.domain.recognition.quantities import QUANTITIES
@@ -27,6 +28,8 @@ RATE = 0.05
 SAME_STEP = 1.5
 #: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
 SAME_RATIO = 0.05
+#: No range or gain of a unit makes its readings so many times the stimulus, or so small a part of it.
+FAR_OFF = 5.0
 #: An axis that ranges so many times as far as the others, and also rests in the middle third of its range while they do
 #: not show what it leaves to them, is in another unit.
 APART = 5.0
@@ -217,6 +220,8 @@ def _unit(recipe: Recipe, mean: Floats) -> Iterator[Message]:
     names = [name for name, factor in quantity.factors.items() if abs(ratio * factor - 1) < SAME_RATIO]
     if names and names[0] != recipe.unit:
         yield Message("readings-in-other-unit", ratio=ratio, unit=names[0], wanted=recipe.unit)
+    elif not 1 / FAR_OFF < ratio < FAR_OFF and not sensor.of(recipe).large_offset:
+        yield Message("readings-wrong-scale", ratio=ratio)
 
 
 def _not_stimulated(recipe: Recipe, mean: Floats, unit: Ints, names: tuple[str, ...]) -> Iterator[Message]:

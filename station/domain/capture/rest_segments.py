@@ -29,14 +29,17 @@ STEP_SIGMA = 8.0
 STEP_SHARE = 0.006
 #: A pause between two readings longer than this many steps, and this long, ends a stretch.
 GAP_STEPS, GAP_S = 5.0, 0.25
+#: Parts of a stretch whose means are compared.
+PARTS = 8
 #: Directions closer than this are one orientation.
 SAME_ORIENTATION_DEG = 10.0
 
 Ints = NDArray[np.int64]
 
 
-def find(time_s: Floats, reading: Floats) -> Ints:
-    """Stretches at rest (k, 2) of readings (n, 3): first row and one past the last, in order; k may be 0.
+def find(time_s: Floats, reading: Floats, louder: float = 1.0) -> Ints:
+    """Stretches at rest (k, 2) of readings (n, 3): first row and one past the last, in order; k may be 0. louder: how
+    many times the noise of the quietest parts a rest may show.
 
     A reading belongs to one when some window of WINDOW_S around it is as quiet as the recording can be; a stretch ends
     where the readings pause and where the means before and after differ, however short the move between them was.
@@ -45,7 +48,7 @@ def find(time_s: Floats, reading: Floats) -> Ints:
     window = _window(time_s)
     std = _moving_std(reading, window)
     code = np.array([_smallest_difference(column) for column in reading.T])
-    quiet = _quiet_level(reading, std) * (1 + MOTION_MARGIN / np.sqrt(window))
+    quiet = louder * _quiet_level(reading, std) * (1 + MOTION_MARGIN / np.sqrt(window))
     quiet = np.maximum(quiet, BETWEEN_CODES * code)
     still = (std <= quiet).all(axis=1) & ~_straddles_gap(time_s, window)
     runs = _runs(still)
@@ -178,6 +181,17 @@ def orientations(directions: Floats) -> Ints:
             close[i] = True
             number[close & (number < 0)] = number.max() + 1
     return number
+
+
+def wandering(reading: Floats) -> float:
+    """How far the means of PARTS parts of a stretch (n, 3) lie apart, beyond what its noise from reading to reading
+    explains: what rests goes nowhere and comes back from nowhere."""
+    parts = min(PARTS, max(len(reading) // 4, 1))
+    means = np.array([part.mean(axis=0) for part in np.array_split(reading, parts)])
+    noise = float(np.linalg.norm(np.diff(reading, axis=0).std(axis=0))) / 2**0.5 if len(reading) > 1 else 0.0
+    # The range of eight means of white noise is about three of their deviations.
+    explained = 3 * noise / (len(reading) / parts) ** 0.5
+    return float(max(np.linalg.norm(np.ptp(means, axis=0)) - explained, 0.0))
 
 
 def _window(time_s: Floats) -> int:

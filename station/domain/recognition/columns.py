@@ -218,7 +218,8 @@ def _by_content(table: RawTable, candidates: list[Axes], quantity: Quantity) -> 
 
 def _unlikely(reading: Floats, quantity: Quantity) -> tuple[int, float]:
     """Of readings (n, 3): 0 where they turn in a magnitude of a unit, 1 where gravity lies still, 2 where they turn in
-    counts, which any number is near, 3 in another sensor's, 4 where nothing turns; relative spread of the magnitude."""
+    counts, which any number is near, 3 in another sensor's, 4 where nothing turns, 5 where a field would go round an
+    ellipsoid, and they do not; relative spread of the magnitude."""
     means, spread = _means_and_spread(reading)
     off = visits.off_ellipsoid(np.nan_to_num(reading)) if quantity.unit == "uT" and np.isfinite(spread) else np.inf
     # Iron moves the centre of a compass, further than the field reaches.
@@ -233,6 +234,8 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[int, float]:
     if not turns or not np.isfinite(spread):
         still = quantity.unit == "g" and not whole and _is_gravity(size, quantity)
         return (1 if still else 4), spread
+    if quantity.unit == "uT" and off >= visits.NEAR_ELLIPSOID:
+        return 5, spread
     known = not whole and from_magnitude(means, quantity, whole=False).unit != "LSB"
     # Counts of a power of two a g are an accelerometer's.
     gravity = whole and quantity.unit == "uT" and from_magnitude(means, QUANTITIES["g"], whole=True).exact

@@ -12,7 +12,7 @@ from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import visits
-from station.domain.recognition.quantities import QUANTITIES
+from station.domain.recognition.quantities import QUANTITIES, sphere
 from station.domain.recognition.raw_table import RawTable
 from station.domain.recognition.recording import Recording
 from station.errors import SamplesError, UsageError, naming_file
@@ -26,6 +26,8 @@ LEAST_REST_IN_ONE = 0.9
 LEAST_OF_A_FIELD = 6
 #: Or in few orientations with a magnitude that ranges over this share of itself: something pushed the unit.
 PUSHED = 0.1
+#: An offset and a size fit any four magnitudes: so many rests are more than twice that.
+LEAST_FOR_OFFSET = 9
 #: No sensor that is turned by a fixture or a hand reads more, deg/s.
 FASTEST_DEG_S = 5000.0
 #: Gravity shows in an accelerometer at rest as at least so much, g, whatever its offset.
@@ -36,12 +38,14 @@ LOUD = 0.1
 _WITHOUT_GRAVITY = re.compile(r"linear|user|free", re.IGNORECASE)
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
 WILD = 0.2
-#: Nor does a stretch rest whose last quarter is this share away from its first: six degrees.
+#: Nor does a stretch rest whose parts lie this share apart: six degrees.
 TURNS = 0.1
 #: Without stamps the rate may be so many times slower; believed where so many times more orientations rest then.
 SLOWER, MANY_MORE = (2.0, 4.0), 1.4
 #: Neighbours nearer than this, g, are no poses of a list but a turn that was read on its way.
 IN_MOTION_G = 0.1
+#: A pose that is held less steadily than the steadiest scatters by so many times as much.
+LOUDER = 3.0
 #: Acceleration that stays this near to one ellipsoid, of its size, is gravity in a hand that turns slowly.
 SLOWLY = 0.02
 #: Readings that are a pose each: more than so many tell no more.
@@ -155,7 +159,7 @@ def _refused_list(recording: Recording) -> SamplesError | None:
 def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:
     """Whether a unit was turned all round with a stop here and there: motion does not spoil a compass's readings, nor,
     where it is slow, those of an accelerometer that rested in too few poses."""
-    rests = float((edges[:, 1] - edges[:, 0]).sum()) >= LEAST_REST * len(recording)
+    rests = _share(recording, edges) >= LEAST_REST
     few = recording.unit == "uT" or _orientations(recording, edges) < visits.LEAST_POSES
     return not rests and few and _is_listed(recording)
 
@@ -188,23 +192,33 @@ def _rest(recording: Recording) -> NDArray[np.int64]:
 
 def _rests(reading: Floats, size: float) -> bool:
     """Whether a stretch (n, 3) that is quiet beside the rest of its recording rests beside what it measures, too."""
-    quarter = max(len(reading) // 4, 1)
-    turned = np.linalg.norm(reading[-quarter:].mean(axis=0) - reading[:quarter].mean(axis=0))
-    return bool(np.linalg.norm(reading.std(axis=0)) < WILD * size and turned < TURNS * size)
+    quiet = np.linalg.norm(reading.std(axis=0)) < WILD * size
+    return bool(quiet and rest_segments.wandering(reading) < TURNS * size)
 
 
 def _edges(recording: Recording) -> NDArray[np.int64]:
     """Rests; where nothing tells the rate, those of a slower one, if it makes most of the recording rests in many more
-    orientations: a second of the assumed rate is longer than such stops."""
+    orientations: a second of the assumed rate is longer than such stops. Where they are few, but in several
+    orientations, those that are louder, too, if they show more of them: some poses are held less steadily."""
     found = rest_segments.find(recording.time_s, recording.reading)
-    if recording.clock.source != "assumed" or recording.unit == "deg/s":
+    if recording.unit == "deg/s":
+        return found
+    if _share(recording, found) < LEAST_REST and (poses := _orientations(recording, found)) >= LEAST_ORIENTATIONS:
+        louder = rest_segments.find(recording.time_s, recording.reading, LOUDER)
+        found = louder if _orientations(recording, louder) > poses else found
+    if recording.clock.source != "assumed":
         return found
     for slower in SLOWER:
         more = rest_segments.find(recording.time_s * slower, recording.reading)
-        rests = float((more[:, 1] - more[:, 0]).sum()) >= LEAST_REST * len(recording)
+        rests = _share(recording, more) >= LEAST_REST
         if rests and _orientations(recording, more) >= MANY_MORE * _orientations(recording, found):
             found = more
     return found
+
+
+def _share(recording: Recording, edges: NDArray[np.int64]) -> float:
+    """Which part of a recording rests."""
+    return float((edges[:, 1] - edges[:, 0]).sum() / len(recording))
 
 
 def _orientations(recording: Recording, edges: NDArray[np.int64]) -> int:
@@ -215,7 +229,7 @@ def _orientations(recording: Recording, edges: NDArray[np.int64]) -> int:
 
 
 def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
-    share = float((edges[:, 1] - edges[:, 0]).sum() / len(recording))
+    share = _share(recording, edges)
     if not len(edges):
         raise SamplesError("never-at-rest", file=recording.source, duration_s=float(recording.time_s[-1]))
     means = np.array([np.median(recording.reading[a:b], axis=0) for a, b in edges])
@@ -225,8 +239,7 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     if len(edges) == 1 and share >= LEAST_REST:
         raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
     poses = int(rest_segments.orientations(means).max()) + 1
-    lengths = np.linalg.norm(means, axis=1)
-    pushed = recording.unit == "g" and poses < visits.LEAST_POSES and np.ptp(lengths) > PUSHED * size
+    pushed = recording.unit == "g" and poses < visits.LEAST_POSES and _lengths_apart(means) > PUSHED * size
     comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
     # Nothing but their size says that they are a field.
     by_size = recording.unit == "uT" and recording.scale.inferred and not _named_a_field(recording)
@@ -239,6 +252,14 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
         or (share < LEAST_REST and (poses < LEAST_ORIENTATIONS or pushed))
     ):
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
+
+
+def _lengths_apart(mean: Floats) -> float:
+    """How far the magnitudes of means (k, 3) lie apart, about 0 or about the offset that fits them best: a sensor that
+    nobody has calibrated reads as much more on one face as it reads less on the opposite one."""
+    centre, _ = sphere(mean)
+    about = (np.zeros(3), centre) if len(mean) >= LEAST_FOR_OFFSET else (np.zeros(3),)
+    return min(float(np.ptp(np.linalg.norm(mean - c, axis=1))) for c in about)
 
 
 def _named_a_field(recording: Recording) -> bool:

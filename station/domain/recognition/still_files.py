@@ -23,6 +23,8 @@ from station.messages import Message
 LEAST_POSES = 3
 #: … and each rests for at least this share of its time.
 LEAST_REST = 0.5
+#: A file too short to look for rest in holds none where its parts lie this share of their size apart.
+MOVES = 0.1
 #: Between the last reading of a file and the first of the next, s: how long it really took is in no file.
 PAUSE_S = 10.0
 #: How the visits of such a unit were found.
@@ -111,11 +113,13 @@ def _length(rest: Rest) -> int:
 
 
 def _rest(r: Recording) -> list[Rest]:
-    """Where a recording rests, if it does for most of its time; all of one that is too short to tell."""
+    """Where a recording rests, if it does for most of its time; all of one that is too short to tell and goes
+    nowhere."""
     try:
         found = [(int(a), int(b)) for a, b in rest_segments.find(r.time_s, r.reading)]
     except SamplesError:
-        return [(0, len(r))]
+        size = float(np.median(np.linalg.norm(r.reading, axis=1)))
+        return [(0, len(r))] if rest_segments.wandering(r.reading) < MOVES * size else []
     return found if sum(map(_length, found)) >= LEAST_REST * len(r) else []
 
 
