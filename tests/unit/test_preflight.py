@@ -72,6 +72,13 @@ def test_a_stated_sheet_is_left_alone(rng: np.random.Generator) -> None:
     assert preflight.with_sheet(recipe, found) == recipe
 
 
+def test_a_step_of_zero_states_none(rng: np.random.Generator) -> None:
+    recipe = by_hand(rate_hz=100.0, lsb=0.0, noise_density=1e-4)
+    found, _ = preflight.inspect(recipe, table(np.round(still(rng) / 0.004) * 0.004, 24))
+    assert found.inferred == ("lsb",)
+    assert preflight.with_sheet(recipe, found).device.lsb == pytest.approx(0.004)
+
+
 def test_moving_and_merged_visits_are_left_out_and_no_others(rng: np.random.Generator) -> None:
     y = still(rng)
     y[300:400] += np.linspace(0, 0.3, 100)[:, None]

@@ -182,7 +182,8 @@ def _poses(recipe: Recipe, mean: Floats, unit: NDArray[np.int32]) -> int:
 def inferred_keys(recipe: Recipe) -> tuple[str, ...]:
     """What the recipe's data sheet leaves to the readings."""
     stated = recipe.device.model_fields_set if "device" in recipe.model_fields_set else set()
-    return tuple(key for key in SHEET_KEYS if key not in stated)
+    # A step of 0 states none.
+    return tuple(key for key in SHEET_KEYS if key not in stated or (key == "lsb" and recipe.device.lsb == 0))
 
 
 def with_sheet(recipe: Recipe, of: Preflight) -> Recipe:
