@@ -234,5 +234,6 @@ def rates_of(job: SimulationJob, fleet_part: FleetPart) -> Floats:
         scene = Scene.of_units(job.recipe, fleet_part.units)
         for acting in job.active(scene, ClockEffect).values():
             if isinstance(acting.effect, ClockEffect):
-                rates = acting.effect.apply(rates, acting.by_visit(scene))
+                c = acting.by_visit(scene)
+                rates = acting.effect.apply(np.where(c[:, 0] == 0, rates, sheet.rate_hz), c)
     return np.asarray(rates)

@@ -141,3 +141,15 @@ def test_the_rests_of_a_tumble_are_a_visit_each_however_they_are_cut(cut_s: floa
     for pose in ("unknown", "known"):
         held = fast().model_copy(update={"reference": fast().reference.model_copy(update={"pose": pose})})
         assert np.array_equal(recut(held, made).table.visit, rest)
+
+
+def test_the_deviation_of_a_rate_is_that_of_its_measurement() -> None:
+    """Not the tolerance of the data sheet, which says nothing of a clock that is off."""
+    off = []
+    for seed in range(40):
+        t, visit = stamps(0.01, "always", np.random.default_rng(seed))
+        (found,) = clock.faults(fast(), table(t, visit), np.cumsum(np.diff(visit, prepend=-1) != 0) - 1)
+        (number,) = found.numbers
+        off.append((float(number.value) - 0.01) / float(number.std or 0))
+    # Four deviations of a mean square of so many.
+    assert np.mean(np.square(off)) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(off)))

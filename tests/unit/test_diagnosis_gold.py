@@ -123,6 +123,17 @@ def test_a_gold_that_moves_while_the_campaign_runs_is_found_with_its_course(reci
         assert number.std is not None
         assert abs(float(number.value) - true) < 4 * number.std + 0.05 * abs(true)
     assert (("at", None) in numbers) == jump
+    if jump:
+        # Between the last visit before it and the first one after, as far as these are apart.
+        at, starts = numbers["at", None], np.unique(t[np.flatnonzero(np.diff(made.visit, prepend=-1))])
+        gap = starts[starts > t[course == 0].max()].min() - starts[starts <= t[course == 0].max()].max()
+        assert at.std == pytest.approx(gap / np.sqrt(12), rel=0.01)
+        assert abs(float(at.value) - (t.min() + 0.4 * np.ptp(t))) < gap
+    else:
+        length = float(np.linalg.norm(moved))
+        rate, near = numbers["rate", None], max(float(numbers["offset", a].std or 0) for a in "xyz")
+        assert 0 < float(rate.std or 0) * np.ptp(t) < 2 * near
+        assert float(rate.value) * np.ptp(t) == pytest.approx(length, rel=0.1)
     assert observed["gold-drift"].gain is not None
     assert observed["gold-drift"].gain.accepted
 

@@ -32,6 +32,9 @@ DETECTION_SIGMA = 4.0
 MAX_RATE_ERROR = 0.15
 #: No host stamps more exactly, s.
 STAMP_STD_S = 1e-6
+#: Grids of stamps that are looked for, s, the share of a step by which one may lie beside it, and the stretches of a
+#: record from which on their scatter tells.
+STAMP_GRIDS_S, ON_GRID, MIN_STRETCHES = (1 / 64, 1e-2, 1e-3, 1e-4), 1e-3, 4
 #: Without a counter frames that are missing can be counted where stamps scatter by less than this share of a period.
 MAX_SCATTER = 0.08
 #: Frames come in bursts where at least this share of steps within visits is shorter than this share of the mean one.
@@ -62,15 +65,7 @@ def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[
     if not off.any():
         return []
     numbers = tuple(
-        # A clock within its tolerance has an error of its own beside the fault.
-        FaultParameter(
-            "rate_error",
-            None,
-            unit_label(table.unit, int(u)),
-            float(error[u]),
-            float(np.hypot(std[u], tolerance / 2)),
-            "1",
-        )
+        FaultParameter("rate_error", None, unit_label(table.unit, int(u)), float(error[u]), float(std[u]), "1")
         for u in np.flatnonzero(np.isfinite(error) & (np.abs(error) < MAX_RATE_ERROR))
     )
     sentence = f"{int(off.sum())} of {len(error)} clocks are off by more than {recipe.device.clock_tolerance_ppm:g} ppm"
@@ -123,12 +118,28 @@ def rates(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> ClockR
         if counted is None and not _is_countable(t[kept], number[kept], group[kept], _places(group)[kept]):
             continue
         error[u], std[u], visits[u] = _slope(t[kept], number[kept] / nominal, group[kept], group[kept])
+        rounded = _repeated_rounding(t[kept], *visits[u][:2])
         if has and np.isfinite(std[u]):
             starts = np.flatnonzero(np.diff(group, prepend=-1))
             joined = _numbers_across_visits(table, rows, number, starts, error[u], std[u], (nominal, bits))
             if joined is not None:
-                error[u], std[u], _ = _slope(t[kept], joined[kept] / nominal, table.run[rows][kept], group[kept])
+                run = table.run[rows][kept]
+                error[u], std[u], (_, weight, _) = _slope(t[kept], joined[kept] / nominal, run, group[kept])
+                rounded = _repeated_rounding(t[kept], np.zeros(1), weight.sum(keepdims=True) / len(np.unique(run)))
+        std[u] = float(np.hypot(std[u], rounded))
     return ClockRates(error, std, tuple(visits))
+
+
+def _repeated_rounding(time_s: Floats, error: Floats, weight: Floats) -> float:
+    """What stamps on a grid may put on the rate alike in every stretch, as visits in step with the host's clock have
+    it: the deviation of one stretch, unless they scatter by as much. error, weight (s) of each."""
+    grid = next((q for q in STAMP_GRIDS_S if np.all(np.abs(time_s - q * np.rint(time_s / q)) < ON_GRID * q)), 0.0)
+    live = weight > 0
+    if not grid or not live.any():
+        return 0.0
+    expected = grid**2 / 12 / float(np.mean(weight[live]))
+    scattered = np.count_nonzero(live) >= MIN_STRETCHES and float(np.var(error[live])) > expected / 2
+    return 0.0 if scattered else float(np.sqrt(expected))
 
 
 def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:

@@ -31,12 +31,14 @@ MIN_VISITS, MAX_TIMES = 12, 200
 @dataclass(frozen=True, slots=True, eq=False)
 class GoldCourse:
     """What the gold's offset moves by: offset (3), recipe's unit, in the nest's frame, for each unit of `share`; share
-    (v) of it at each visit; at_s of a jump on the campaign's clock, NaN of a drift; seconds it took."""
+    (v) of it at each visit; at_s of a jump on the campaign's clock and its standard deviation, NaN of a drift; seconds
+    it took."""
 
     offset: Floats
     std: Floats
     share: Floats
     at_s: float
+    at_std: float
     seconds: float
     nats: float
     gain: BlockGain | None
@@ -69,7 +71,19 @@ def find(scene: Scene, reading: Floats, t: Floats) -> GoldCourse | None:
         return None
     share, at_s = shapes[best]
     gain = held_out_gain(y, _about_means(share[:, None] * along, place))
-    return GoldCourse(offset, std, share, at_s, span, nats - costs[best], gain)
+    at_std = _time_std(times, middle, np.array([f[0] for f in fits[1:]]), at_s)
+    return GoldCourse(offset, std, share, at_s, at_std, span, nats - costs[best], gain)
+
+
+def _time_std(times: Floats, tried: Floats, nats: Floats, at_s: float) -> float:
+    """How far a jump may be from at_s: over the times tried (n), by nats (n), and the gap around each."""
+    if not np.isfinite(at_s):
+        return float("nan")
+    weight = np.exp(nats - nats.max())
+    # Where not every gap was tried, one stands for those up to the next.
+    ends = np.append(times[np.searchsorted(times, tried, side="right") - 1], times[-1])
+    gap2 = np.diff(ends) ** 2 / 12
+    return float(np.sqrt(np.sum(weight * ((tried - at_s) ** 2 + gap2)) / np.sum(weight)))
 
 
 def fault(course: GoldCourse, recipe: Recipe) -> GrossFault:
@@ -80,10 +94,12 @@ def fault(course: GoldCourse, recipe: Recipe) -> GrossFault:
     ]
     size = float(np.linalg.norm(course.offset))
     if np.isfinite(course.at_s):
-        numbers.append(FaultParameter("at", None, "common", course.at_s, course.seconds / np.sqrt(12) / 100, "s"))
+        numbers.append(FaultParameter("at", None, "common", course.at_s, course.at_std, "s"))
         sentence = f"the gold jumps by {size:.2g} {recipe.unit} at {course.at_s:.0f} s"
     else:
-        numbers.append(FaultParameter("rate", None, "common", size / course.seconds, None, f"{recipe.unit}/s"))
+        along = float(np.linalg.norm(course.offset * course.std)) / max(size, 1e-300)
+        rate = FaultParameter("rate", None, "common", size / course.seconds, along / course.seconds, f"{recipe.unit}/s")
+        numbers.append(rate)
         sentence = f"the gold drifts by {size:.2g} {recipe.unit} in {course.seconds:.0f} s"
     return GrossFault("gold-drift", "common", tuple(numbers), sentence, course.nats, gain=course.gain)
 

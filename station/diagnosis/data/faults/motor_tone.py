@@ -18,11 +18,19 @@ from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault, block_gain, halves_of
 from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
-from station.diagnosis.data.faults.spectral_lines import OVERSAMPLING
+from station.diagnosis.data.faults.phase_peaks import PhasePeaks, phase_peaks, waves_of
+from station.diagnosis.data.faults.tone_errors import (
+    ToneErrors,
+    driven_dwells,
+    noise_around,
+    noise_at,
+    own_frequency,
+    tone_errors,
+)
 from station.diagnosis.data.faults.tone_power import TonePower, power_per_visit
-from station.diagnosis.data.faults.tone_search import ToneExtent, ToneLine, ToneSearch, power
+from station.diagnosis.data.faults.tone_search import ToneExtent, ToneLine, ToneSearch
 from station.diagnosis.data.faults.white_dwells import WhiteDwells, white_dwells
-from station.domain.core.types import Array, Floats, SampleTable
+from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 
 #: Chance of any tone in noise, over all lines that were tried.
@@ -57,53 +65,32 @@ def _confirmed(line: ToneLine, d: WhiteDwells, sigma: Floats, recipe: Recipe) ->
         grown, elsewhere = agreement.power_follows_drive(float(line.frequency_hz[0]))
         if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES or chance(elsewhere, POWER_TERMS) > ONE_DWELL:
             return None
-        near = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
-        frequency, nats = _refine_frequency(d, float(line.frequency_hz[0]), near), line.nats
+        frequency, nats = float(line.frequency_hz[0]), line.nats
     else:
         agreement = PhaseAgreement(d, 1 / line.resolution_hz)
         frequency, nats = _most_agreed(agreement, line.frequency_hz, line.resolution_hz)
         if chance(nats, agreement.terms) * line.tried > FALSE_TONES or not agreement.follows_drive(frequency):
             return None
         nats -= float(np.log(line.tried))
-        # Stretches agree by themselves; beyond them all of the campaign may.
-        frequency = _refine_frequency(d, frequency, line.resolution_hz)
-    tone = _tone(d, frequency)
+    # Stretches agree by themselves; beyond them all of the campaign may.
+    tone = _tone(d, phase_peaks(d, frequency))
     if not tone.lasts(d):
         return None
     fault = _fault(tone, d, sigma, nats, recipe)
     return None if fault.rejected else fault
 
 
-def _amplitudes(d: WhiteDwells, frequency_hz: float) -> Array:
-    """Complex sums (v, 3) of the white samples against the wave."""
-    wave = np.exp(-2j * np.pi * frequency_hz * (d.time_s - d.middle_s[:, None]))
-    return np.asarray(np.einsum("vs,vsi->vi", wave, d.white))
-
-
-def _refine_frequency(d: WhiteDwells, frequency_hz: float, near_hz: float) -> float:
-    """The frequency near a line at which the phases of all visits agree best."""
-    base = _amplitudes(d, frequency_hz) * d.motor[:, None]
-    at = d.middle_s - d.middle_s.mean()
-    total = max(float(np.ptp(at)), 1e-9)
-    shift = np.arange(-near_hz, near_hz, 0.25 / total)
-    best = (0.0, -1.0)
-    for part in np.array_split(shift, max(1, len(shift) * len(at) // 2_000_000)):
-        turned = np.exp(-2j * np.pi * np.outer(part + frequency_hz, at)) @ base
-        agree = np.abs(np.sum(turned**2, axis=1)) + np.sum(np.abs(turned) ** 2, axis=1)
-        i = int(agree.argmax())
-        best = max(best, (float(part[i]), float(agree[i])), key=lambda pair: pair[1])
-    return frequency_hz + best[0]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Tone:
     """A tone at a frequency: its waves (2, v, s, 3) at amplitude 1 as the filtered samples hold them, coefficients
-    (2, 3) of one phase for all visits, bend (v, s, 3) by the frequency, and the power of each phase on its own."""
+    (2, 3) of one phase for all visits, errors of these, variance (3) of the noise around beside that of white samples,
+    and the power of each phase on its own."""
 
     frequency_hz: float
     waves: Floats
     c: Floats
-    bend: Floats
+    errors: ToneErrors
+    noise2: Floats
     power: TonePower
 
     @property
@@ -125,7 +112,7 @@ class Tone:
                 square[-1] -= 6 * each
                 std.append(float(np.sqrt(4 * max(square[-1], 0.0) * each + 12 * each**2)))
         else:
-            halves = [power_per_visit(self.waves * part, d.white * part[0]) for part in (~late, late)]
+            halves = [power_per_visit(self.waves * part, d.white * part[0], self.noise2) for part in (~late, late)]
             square = [float(p.square.sum()) for p in halves]
             std = [float(np.sqrt(np.sum(p.std**2))) for p in halves]
         # As much, but for chance; and more than a quarter of it in any case.
@@ -146,7 +133,7 @@ class Tone:
                 predicted = np.einsum("kvsi,ki->vsi", waves, _amplitude(self.waves[:, fitted], d.white[fitted]))
                 scores[judged] = 0.5 * np.sum(white**2 - (white - predicted) ** 2, axis=(1, 2))
             else:
-                amplitude = power_per_visit(self.waves[:, fitted], d.white[fitted]).amplitude
+                amplitude = power_per_visit(self.waves[:, fitted], d.white[fitted], self.noise2).amplitude
                 along = np.sqrt(np.sum(np.einsum("kvsi,vsi->kvi", waves, white) ** 2, axis=0)) * amplitude
                 energy = amplitude**2 * np.sum(waves**2, axis=(0, 2)) / 4
                 # log I₀ of large arguments, too.
@@ -164,17 +151,22 @@ def _most_agreed(agreement: PhaseAgreement, lines_hz: Floats, resolution_hz: flo
     return tried[best], found[best]
 
 
-def _tone(d: WhiteDwells, frequency_hz: float) -> Tone:
-    """The tone near a frequency, by least squares on all samples."""
+def _tone(d: WhiteDwells, peaks: PhasePeaks) -> Tone:
+    """The tone at the best of some peaks, by least squares on all samples."""
+    frequency_hz = peaks.best_hz
     for _ in range(4):
-        angle = 2 * np.pi * frequency_hz * d.time_s
-        waves = np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))])
+        waves, angle = waves_of(d, frequency_hz), 2 * np.pi * frequency_hz * d.time_s
         c = _amplitude(waves, d.white)
-        late = 2 * np.pi * (d.time_s - d.time_s.mean())
-        bend = _filtered(d, late * np.cos(angle)) * c[0] - _filtered(d, late * np.sin(angle)) * c[1]
+        late = 2 * np.pi * d.time_s
+        bend = d.filtered(late * np.cos(angle)) * c[0] - d.filtered(late * np.sin(angle)) * c[1]
+        along = _amplitude(waves, bend)
+        bend = bend - np.einsum("kvsi,ki->vsi", waves, along)
         residual = d.white - np.einsum("kvsi,ki->vsi", waves, c)
         frequency_hz += float(np.sum(bend * residual) / max(float(np.sum(bend**2)), 1e-300))
-    return Tone(frequency_hz, waves, c, bend, power_per_visit(waves, d.white))
+    noise2 = noise_at(d, frequency_hz, waves, residual)
+    errors = tone_errors(noise2, driven_dwells(d), waves, c, (np.sum(bend**2, axis=(0, 1)), along), peaks)
+    around2 = noise_around(d, frequency_hz, waves)
+    return Tone(frequency_hz, waves, c, errors, around2, power_per_visit(waves, d.white, around2))
 
 
 def _fault(tone: Tone, d: WhiteDwells, sigma: Floats, nats: float, recipe: Recipe) -> GrossFault:
@@ -182,21 +174,17 @@ def _fault(tone: Tone, d: WhiteDwells, sigma: Floats, nats: float, recipe: Recip
     gain = tone.held_out_gain(d)
     if not tone.coherent:
         return replace(_incoherent_fault(d, tone.frequency_hz, sigma, nats, recipe), gain=gain)
-    c, waves, frequency_hz = tone.c, tone.waves, tone.frequency_hz
+    c, errors = tone.c, tone.errors
     strong = int(np.argmax(np.hypot(*c) * sigma))
     phase = float(np.arctan2(c[1, strong], c[0, strong]) % (2 * np.pi))
     along = c[0] * np.cos(phase) + c[1] * np.sin(phase)
-    std = sigma / np.sqrt(max(float(np.sum(waves[0] ** 2)) / 3, 1e-300))
     numbers = [
         FaultParameter("amplitude", axis, "common", float(a), float(s), recipe.unit)
-        for axis, a, s in zip("xyz", along * sigma, std, strict=True)
+        for axis, a, s in zip("xyz", along * sigma, errors.amplitude * sigma, strict=True)
     ]
-    # An axis that is not there has no noise.
-    phase_std = std / np.maximum(sigma * np.hypot(*c), 1e-300)
-    frequency_std = float(1 / np.sqrt(max(float(np.sum(tone.bend**2)), 1e-300)))
-    numbers.append(FaultParameter("frequency", None, "common", frequency_hz, frequency_std, "Hz"))
-    numbers.append(FaultParameter("phase", None, "common", phase, float(phase_std[strong]), "rad"))
-    sentence = f"a tone of {frequency_hz:.3f} Hz follows the motors"
+    numbers.append(FaultParameter("frequency", None, "common", tone.frequency_hz, errors.frequency_hz, "Hz"))
+    numbers.append(FaultParameter("phase", None, "common", phase, float(errors.phase[strong]), "rad"))
+    sentence = f"a tone of {tone.frequency_hz:.3f} Hz follows the motors"
     return GrossFault("motor-tone", "common", tuple(numbers), sentence, nats, gain=gain)
 
 
@@ -205,25 +193,17 @@ def _incoherent_fault(d: WhiteDwells, frequency_hz: float, sigma: Floats, nats: 
     # What a unit's visits have in common mixes their phases: each visit stands for itself here.
     alone = replace(d.filter, units=())
     d = replace(d, white=alone(d.reading) / np.maximum(sigma, 1e-300), filter=alone)
-    resolution = d.rate_hz / (OVERSAMPLING * d.white.shape[1])
-    tried = frequency_hz + resolution * np.linspace(-1, 1, 41)
-    tried = tried[tried <= d.rate_hz / 2]
-    frequency_hz = float(tried[np.argmax(power(d, tried).sum(1))])
-    angle = 2 * np.pi * frequency_hz * d.time_s
-    found = power_per_visit(np.stack([_filtered(d, np.sin(angle)), _filtered(d, np.cos(angle))]), d.white)
+    frequency_hz, frequency_std = own_frequency(d, frequency_hz, d.rate_hz / d.white.shape[1])
+    waves = waves_of(d, frequency_hz)
+    found = power_per_visit(waves, d.white, noise_around(d, frequency_hz, waves))
     numbers = [
         FaultParameter("amplitude", axis, "common", float(a), float(std), recipe.unit)
         for axis, a, std in zip("xyz", found.amplitude * sigma, found.amplitude_std * sigma, strict=True)
     ]
-    numbers.append(FaultParameter("frequency", None, "common", frequency_hz, resolution / 10, "Hz"))
+    numbers.append(FaultParameter("frequency", None, "common", frequency_hz, frequency_std, "Hz"))
     return GrossFault(
         "motor-tone", "common", tuple(numbers), f"a tone near {frequency_hz:.2f} Hz follows the motors", nats
     )
-
-
-def _filtered(d: WhiteDwells, wave: Floats) -> Floats:
-    """A wave (v, s) at motor 1 as the filtered samples (v, s, 3) would hold it."""
-    return d.filter(np.repeat((d.motor[:, None] * wave)[..., None], 3, axis=2))
 
 
 def _amplitude(waves: Floats, white: Floats) -> Floats:

@@ -65,6 +65,10 @@ class WhiteDwells:
         """How much each visit (v) counts: as a tone in proportion to motor would show in it."""
         return np.asarray(self.motor**2 * self.count)
 
+    def filtered(self, wave: Floats) -> Floats:
+        """A wave (v, s) at motor 1 as the filtered samples (v, s, 3) would hold it."""
+        return self.filter(np.repeat((self.motor[:, None] * wave)[..., None], 3, axis=2))
+
     @property
     def middle_s(self) -> Floats:
         """Where each visit's phase is taken (v)."""
