@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from station.diagnosis.discovery.term_fit import TermFit, candidate_of
-from station.diagnosis.planning.formula_run import _rated, share_beyond
+from station.diagnosis.planning.formula_run import _promise_of, _rated, share_beyond
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns, plan_campaign
+from station.diagnosis.planning.promise import TiedCauses
 from station.diagnosis.planning.proposal import best_proposal
 from station.diagnosis.search.distinguishability import SignatureAxes, distinct_share
 from station.domain.core.types import Floats
 from station.model.formula.term import Term
+from station.model.formula.text import formula_text
 from tests.blind.recipes import recipe
 
 
@@ -55,3 +57,18 @@ def test_curves_of_temperature_are_parted_beyond_the_temperatures_so_far(plan: P
     assert best is not None and best.change in beyond
     assert best.certainty > 0.95
     assert max(p.certainty for p in rated if p.change not in beyond) < 0.5
+
+
+def test_a_run_that_promises_no_more_than_a_shorter_one_is_given_up(plan: PlannedCampaign) -> None:
+    terms = [
+        Term("own-squared", "temperature", ("z",), "common", (("about_degC", 15.0),)),
+        Term("own-squared", "temperature-squared", ("z",), "common", (("about_degC", 3.0),)),
+        Term("own-cubed", "constant", ("z",), "common", ()),
+    ]
+    tie = tuple(TermFit(term, 0.5, 1, 1e-4, 0.0, np.zeros((1, 1))) for term in terms)
+    tied = (TiedCauses.of([formula_text(term) for term in terms], np.inf, {}),)
+    whole = _promise_of(plan, [tie], tied, -np.inf)
+    assert whole is not None
+    for most in (0.0, 0.9 * whole.certainty, 1.1 * whole.certainty, 1.0):
+        assert (_promise_of(plan, [tie], tied, most) is None) == (whole.certainty <= most)
+    assert _promise_of(plan, [tie], tied, 0.9 * whole.certainty) == whole

@@ -37,13 +37,14 @@ class _Column:
 
     def __init__(self, first: Array, room: int) -> None:
         # Pages that nobody writes to are not there.
-        self._held = np.empty((max(room, len(first)), *first.shape[1:]), first.dtype)
+        self._held = np.empty((max(room, len(first)), *first.shape[1:]), first.dtype, order="F")
 
     def put(self, at: int, values: Array) -> None:
         """The values of rows from a place on."""
         end = at + len(values)
         if end > len(self._held):
-            grown = np.empty((max(end, int(GROWTH * len(self._held))), *self._held.shape[1:]), self._held.dtype)
+            room = max(end, int(GROWTH * len(self._held)))
+            grown = np.empty((room, *self._held.shape[1:]), self._held.dtype, order="F")
             grown[:at] = self._held[:at]
             self._held = grown
         self._held[at:end] = values

@@ -242,14 +242,14 @@ def _table(batch: "pa.RecordBatch") -> SampleTable:
         return _numbers(batch.column(name))
 
     names = batch.schema.names
-    gold = np.column_stack([numbers(n) for n in GOLD_COLUMNS]) if GOLD_COLUMNS[0] in names else None
+    gold = np.stack([numbers(n) for n in GOLD_COLUMNS]).T if GOLD_COLUMNS[0] in names else None
     return SampleTable(
         unit=_labels(batch, "unit"),
         run=numbers("run"),
         visit=numbers("visit"),
         position=_labels(batch, "position"),
         time_s=numbers("time_s"),
-        reading=np.column_stack([numbers(n) for n in "xyz"]),
+        reading=np.stack([numbers(n) for n in "xyz"]).T,
         labels={n: _labels(batch, n) for n in TEXT_COLUMNS[2:] if n in names},
         values={n: numbers(n) for n in NUMBER_COLUMNS[4:10] if n in names},
         gold=gold,

@@ -8,6 +8,7 @@ must differ from those before by as much as the dwell shows, which neither a bum
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.core.medians import medians
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.forward import resting_stimulus
@@ -87,9 +88,10 @@ def _beyond_usual(change: Floats, unit: NDArray[np.int32]) -> NDArray[np.bool_]:
     found = np.zeros(len(unit), bool)
     for u in np.unique(unit).tolist():
         own = unit == u
-        off = np.abs(change[own] - np.median(change[own], axis=0))
-        usual = np.maximum(np.median(off, axis=0) / 0.6745, 1.0)
-        found[own] = (off / usual).max(axis=(1, 2)) > SIGMA
+        each = np.moveaxis(change[own], 0, -1)
+        off = np.abs(each - medians(each)[..., None])
+        usual = np.maximum(medians(off) / 0.6745, 1.0)
+        found[own] = (off / usual[..., None]).max(axis=(0, 1)) > SIGMA
     return found
 
 

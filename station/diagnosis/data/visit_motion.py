@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.core.medians import medians
 from station.domain.core.types import Floats, SampleTable
 
 #: Parts that a visit is cut into.
@@ -62,7 +63,7 @@ def moving(motion: VisitMotion, unit: NDArray[np.int32], size: float) -> tuple[B
     usual = np.zeros((len(unit), 2))
     for u in np.unique(unit):
         own = unit == u
-        usual[own] = np.median(motion.range[own]), np.median(motion.scatter[own])
+        usual[own] = medians(motion.range[own]), medians(motion.scatter[own])
     gross = (motion.range > GROSS * size) & (motion.range > BEYOND_USUAL * usual[:, 0])
     gross |= (motion.scatter > GROSS * size) & (motion.scatter > BEYOND_USUAL * usual[:, 1])
     merged = gross & (motion.step > GROSS * size) & (motion.within < WITHIN_PART * motion.step)

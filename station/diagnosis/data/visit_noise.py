@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.core.medians import medians
 from station.domain.core.types import Floats
 
 MAD_PER_SIGMA = 0.6745
@@ -196,7 +197,7 @@ def _medians(values: Floats, of: NDArray[np.intp], count: NDArray[np.intp]) -> F
     found = np.zeros((len(count), values.shape[1]))
     for many in np.unique(count[count > 0]).tolist():
         visits = np.flatnonzero(count == many)
-        found[visits] = np.median(values[first[visits, None] + np.arange(many)], axis=1)
+        found[visits] = medians(values.T[:, first[visits, None] + np.arange(many)]).T
     return found
 
 

@@ -105,8 +105,8 @@ def candidate_of(term: Term, view: ResidualView, rms: float = 0.0, name: str = U
     return _candidate(term, effect, view, visit, dwell, name)
 
 
-def _probe(term: Term, view: ResidualView) -> Candidate:
-    """The same for its columns alone, without an effect where none is needed to make them."""
+def probe_of(term: Term, view: ResidualView) -> Candidate:
+    """The same for its columns alone, without an effect where none is needed to make them: each is a class."""
     if _by_simulation(term):
         return candidate_of(term, view)
     return _candidate(term, None, view, _still_columns(term, view), None, UNNAMED)
@@ -135,7 +135,7 @@ def _still_columns(term: Term, view: ResidualView) -> Floats:
 
 def fit_term(term: Term, at: TermSpace) -> TermFit:
     """A term in a space."""
-    return _fit(term, _probe(term, at.view), at)
+    return _fit(term, probe_of(term, at.view), at)
 
 
 def fit_in_place(term: Term, columns: Floats, at: TermSpace) -> TermFit:

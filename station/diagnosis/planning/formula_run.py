@@ -3,14 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 
-from station.diagnosis.discovery.term_fit import ROUNDS, TermFit, candidate_of, search_constant
+from station.diagnosis.discovery.term_fit import ROUNDS, TermFit, probe_of, search_constant
 from station.diagnosis.planning.measured import MeasuredCampaign, measured_campaign
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.promise import Promise, TiedCauses, TrueAndOther
 from station.diagnosis.planning.proposal import (
+    HOPELESS_CERTAINTY,
     SUFFICIENT_CERTAINTY,
     Proposal,
     best_proposal,
@@ -44,18 +46,19 @@ def next_formula_run(d: Diagnosis, ties: list[tuple[TermFit, ...]]) -> Proposal 
 
 
 def _rated(campaign: MeasuredCampaign, now: PlannedRuns, ties: list[tuple[TermFit, ...]]) -> Iterator[Proposal]:
-    """Each run of the menu, the shortest first, up to the first that is certain enough."""
+    """Each run of the menu, the shortest first, up to the first that is certain enough; but for those that promise no
+    more than a shorter one, or next to nothing."""
     tied = tuple(TiedCauses.of([formula_text(f.term) for f in tie], np.inf, {}) for tie in ties)
     menu = [*run_menu(campaign, now), *_wider_temperatures(now, ties)]
+    most = -np.inf
     for text, longer in sorted(menu, key=lambda choice: round(minutes_of(choice[1]))):
-        plan = campaign.gone_on(longer)
-        apart: dict[TrueAndOther, float] = {}
-        for tie in ties:
-            apart |= _separations(plan, tie)
-        found = Proposal(longer, text, minutes_of(longer), Promise(tied, apart))
-        yield found
-        if found.certainty >= SUFFICIENT_CERTAINTY:
-            return
+        promise = _promise_of(campaign.gone_on(longer), ties, tied, most)
+        if promise is not None:
+            found = Proposal(longer, text, minutes_of(longer), promise)
+            yield found
+            if found.certainty >= SUFFICIENT_CERTAINTY:
+                return
+            most = max(most, found.certainty, HOPELESS_CERTAINTY)
 
 
 def _wider_temperatures(now: PlannedRuns, ties: list[tuple[TermFit, ...]]) -> Iterator[tuple[str, PlannedRuns]]:
@@ -68,25 +71,53 @@ def _wider_temperatures(now: PlannedRuns, ties: list[tuple[TermFit, ...]]) -> It
         yield f"one run {text}", now.followed_by(Run(temperature_offset_degC=offset), {}, now.dwells[-1])
 
 
-def _separations(plan: PlannedCampaign, tie: tuple[TermFit, ...]) -> dict[TrueAndOther, float]:
-    """d·√κ of each, were it the true one, against each other."""
-    apart: dict[TrueAndOther, float] = {}
-    for one, two in permutations(tie, 2):
-        found = plan.axes(candidate_of(one.term, plan.problem.view, one.rms))
-        names = formula_text(one.term), formula_text(two.term)
-        apart[names] = one.rms * found.length * float(np.sqrt(share_beyond(plan, found, two.term)))
-    return apart
+class _Rival(NamedTuple):
+    """A law, were it the true one: what it moves in a longer campaign and how long that is, and a rival."""
+
+    found: SignatureAxes
+    length: float
+    rival: Term
+
+    def apart(self, share: float) -> float:
+        """d·√κ, the rival following all but a share κ."""
+        return self.length * float(np.sqrt(share))
+
+
+def _promise_of(
+    plan: PlannedCampaign, ties: list[tuple[TermFit, ...]], tied: tuple[TiedCauses, ...], most: float
+) -> Promise | None:
+    """What a longer campaign promises, by d·√κ of each law, were it the true one, against each other; None where that
+    is no more than `most`. Rivals with the constants that they have now are as far from a law as they can be; the
+    nearest of them are followed on first."""
+    pairs = {names: rival for tie in ties for names, rival in _rivals(plan, tie)}
+    apart = {names: pair.apart(_share_beyond(plan, pair.found, pair.rival)) for names, pair in pairs.items()}
+    for names in sorted(apart, key=lambda names: apart[names]):
+        if Promise(tied, apart).certainty <= most:
+            return None
+        apart[names] = pairs[names].apart(share_beyond(plan, pairs[names].found, pairs[names].rival))
+    promise = Promise(tied, apart)
+    return promise if promise.certainty > most else None
+
+
+def _rivals(plan: PlannedCampaign, tie: tuple[TermFit, ...]) -> Iterator[tuple[TrueAndOther, _Rival]]:
+    """Each of the laws of a tie against each other."""
+    found = [plan.axes(probe_of(fit.term, plan.problem.view)) for fit in tie]
+    for one, two in permutations(range(len(tie)), 2):
+        names = formula_text(tie[one].term), formula_text(tie[two].term)
+        yield names, _Rival(found[one], tie[one].rms * found[one].length, tie[two].term)
 
 
 def share_beyond(plan: PlannedCampaign, found: SignatureAxes, rival: Term) -> float:
     """κ: which share of a law a rival cannot follow, its constants what they would have to be in the longer campaign:
     the next diagnosis looks for them anew."""
-    view = plan.problem.view
-
-    def followed(term: Term) -> float:
-        return 1 - distinct_share(found, plan.axes(candidate_of(term, view)))
-
     for _ in range(ROUNDS if len(rival.fields) > 1 else 1):
         for field in rival.fields:
-            rival = search_constant(rival, field, view, followed).term
-    return 1 - followed(rival)
+            rival = search_constant(
+                rival, field, plan.problem.view, lambda term: 1 - _share_beyond(plan, found, term)
+            ).term
+    return _share_beyond(plan, found, rival)
+
+
+def _share_beyond(plan: PlannedCampaign, found: SignatureAxes, rival: Term) -> float:
+    """The same with the constants that it has."""
+    return distinct_share(found, plan.axes(probe_of(rival, plan.problem.view)))

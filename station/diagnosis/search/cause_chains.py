@@ -15,6 +15,8 @@ MAX_CHAIN, CHOICE_NATS = 3, 3.0
 
 #: Causes found one after the other, each with the state that it leaves.
 Chain = list[tuple[CauseFinding, SearchState]]
+#: Causes known together, in alphabetical order, whichever came first: name, level and pattern of each.
+KnownCauses = tuple[tuple[str, str, str], ...]
 
 
 def in_parts(
@@ -27,7 +29,8 @@ def in_parts(
         return [accepted]
     # A cause that is known already is no other part.
     never_again = [*before, *before, *[cause.name] * MAX_REPEATS]
-    tried = [chain_from(search, first, state, ranks, never_again) for first in parts if first.name not in before]
+    reached, new = set[KnownCauses](), [first for first in parts if first.name not in before]
+    tried = [chain_from(search, first, state, ranks, never_again, reached) for first in new]
     simpler = [
         (value, found)
         for value, found in tried
@@ -46,8 +49,10 @@ def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCau
     each further cause is one more choice out of the library."""
     kernel = leaders(ranks)[1]
     target = 0.0 if kernel is None else kernel.evidence
-    causes = first_of_chains(state.problem, ranks, kernel)
-    tried = [chain_from(search, first, state, ranks, before) for first in causes]
+    # Alone, what is known already holds nothing more.
+    causes = [r for r in first_of_chains(state.problem, ranks, kernel) if r.evidence > 0 or r.name not in before]
+    reached = set[KnownCauses]()
+    tried = [chain_from(search, first, state, ranks, before, reached) for first in causes]
     value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
     # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to. Where
     # nothing is left, the kernel must beat them by its share, as it must beat a single cause.
@@ -56,11 +61,18 @@ def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCau
 
 
 def chain_from(
-    search: CauseSearch, cause: RankedCause, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]
+    search: CauseSearch,
+    cause: RankedCause,
+    state: SearchState,
+    ranks: Mapping[str, RankedCause],
+    before: Sequence[str],
+    reached: set[KnownCauses],
 ) -> tuple[float, Chain]:
-    """The evidence of a cause and of those that are evident after it, plus what a kernel then still explains."""
-    total, found = 0.0, Chain()
-    while True:
+    """The evidence of a cause and of those that are evident after it, plus what a kernel then still explains. Of chains
+    that come to know the same causes, in whatever order, only the first goes on: reached, to which this one adds."""
+    total, found, known = 0.0, Chain(), KnownCauses()
+    while (known := tuple(sorted((*known, _key(cause))))) not in reached:
+        reached.add(known)
         total += cause.evidence - CHOICE_NATS * bool(found)
         found.append(search.accepted(state, ranks, cause))
         state = found[-1][1]
@@ -72,3 +84,9 @@ def chain_from(
         if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
             return total + left - CHOICE_NATS, found
         cause = best
+    return -np.inf, found
+
+
+def _key(cause: RankedCause) -> tuple[str, str, str]:
+    best = cause.best
+    return (cause.name, best.of, best.pattern) if best is not None else (cause.name, "", "")

@@ -100,6 +100,7 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
     """Causes, the best first, until nothing alarms; perhaps a kernel at the end. Also the law that was searched first,
     if any: where it explains everything, only the kernel is found."""
     state, found, first, law = search.first, Chain(), dict[str, RankedCause](), None
+    chained = False
     while state.alarms and len(found) < MAX_ROUNDS:
         ranks = search.ranks(state, [f.name for f, _ in found])
         first = first or ranks
@@ -109,8 +110,10 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
             if law is not None and law.is_whole:
                 return _in_place_of(law, search, ranks) or [(unknown_finding(ranks, state.statistic), state)], law
         if cause is None or (kernel is not None and is_unknown(kernel.evidence, cause.evidence)):
-            # Several causes at once may each explain less than a kernel that follows them all.
-            several = chain(search, state, ranks, [f.name for f, _ in found])
+            # Several causes at once may each explain less than a kernel that follows them all. What leads again beside
+            # such causes is no more of them: they were tried as far as causes go together.
+            several = [] if chained else chain(search, state, ranks, [f.name for f, _ in found])
+            chained = True
             if not several and (kernel is None or kernel.evidence < UNKNOWN_NATS):
                 # What nobody has described must be as much ahead of chance as of any cause.
                 break

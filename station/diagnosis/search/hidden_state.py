@@ -22,6 +22,7 @@ from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.unseen import NOTHING, Unseen
+from station.domain.core.medians import medians
 from station.domain.core.types import Floats
 from station.model.effects.nest_tilt import NestTilt
 
@@ -98,7 +99,7 @@ def _calmed(e: Floats, slot: NDArray[np.intp]) -> Floats:
     """White rows (U, R, V, 3, n) in the noise of most visits, where those beyond it are drawn in: a few visits that are
     wrong by much are no state."""
     length = np.sqrt(np.sum(e**2, axis=3, keepdims=True))
-    usual = np.median(length[slot >= 0, 0].T.copy(), axis=1) / MEDIAN_LENGTH
+    usual = medians(length[slot >= 0, 0].T) / MEDIAN_LENGTH
     e = e / usual * np.minimum(1.0, MOST_LENGTH / np.maximum(length / usual, 1e-300))
     return np.asarray(e / np.sqrt(np.sum(e**2, axis=(0, 1, 2, 3)) / (3 * np.count_nonzero(slot >= 0))))
 

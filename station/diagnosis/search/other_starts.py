@@ -43,7 +43,7 @@ def best_of_starts(search: CauseSearch, state: SearchState, ranks: Mapping[str, 
             if name in tried or name == found[0][0].name or first is None or first.best is None:
                 continue
             tried.add(name)
-            other = chain_from(search, first, state, ranks, ())[1]
+            other = chain_from(search, first, state, ranks, (), set())[1]
             if _value(other) > least and not other[-1][1].alarms and _pays(search, other):
                 found, least = other, _value(other)
     return found

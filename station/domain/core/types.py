@@ -137,10 +137,10 @@ class SampleTable:
             self.visit[rows],
             self.position[rows],
             self.time_s[rows],
-            self.reading[rows],
+            self.reading.T[:, rows].T,
             {k: v[rows] for k, v in self.labels.items()},
             {k: v[rows] for k, v in self.values.items()},
-            None if self.gold is None else self.gold[rows],
+            None if self.gold is None else self.gold.T[:, rows].T,
         )
 
     def labelled(self, texts: Mapping[str, str]) -> "SampleTable":

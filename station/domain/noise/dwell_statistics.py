@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.core.medians import medians
 from station.domain.core.types import Floats
 from station.domain.noise import noise, noise_prior
 from station.domain.noise.noise_prior import NoisePrior
@@ -151,10 +152,10 @@ def deviations(x: Floats, least: Floats) -> tuple[Floats, Floats, Ints]:
     """Means (d, 3) of dwells x (d, 3, n) without what is far off, deviations (d, 3, n) from them, 0 where left out,
     and how many readings (d) were kept. least (d, 3): see least_step."""
     n = x.shape[2]
-    off = np.abs(x - np.median(x, axis=2, keepdims=True))
+    off = np.abs(x - medians(x)[..., None])
     step = np.where(np.isfinite(least), least, 0.0)[..., None]
     # Coarse readings may have no median deviation at all: half lie within half a step, by noise of .74 steps at most.
-    scale = 1.4826 * np.maximum(np.median(off, axis=2, keepdims=True), step / 2)
+    scale = 1.4826 * np.maximum(medians(off)[..., None], step / 2)
     bound = OUTLIER_SIGMA * (1 + 8 / n) * scale + 2 * step
     keep = (off <= bound).all(axis=1, keepdims=True)
     accepted = keep.sum(axis=2, keepdims=True)
@@ -229,8 +230,8 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
     Readings coarser than their noise say nothing: they are constant but near the edge between two codes.
     """
     step = dwells.step.min(axis=0)
-    coarse = np.isfinite(step) & (np.median(dwells.high - dwells.low, axis=0) < TWO_CODES * step)
-    usual = np.median(dwells.std, axis=0)
+    coarse = np.isfinite(step) & (medians((dwells.high - dwells.low).T) < TWO_CODES * step)
+    usual = medians(dwells.std.T)
     sufficient = (dwells.count >= MIN_READINGS)[:, None] & (len(dwells.count) > 2)
     out = np.zeros(dwells.mean.shape, bool)
     for extreme, at, side in (

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from station.diagnosis.data.faults.phase_agreement import LEAST_DWELLS, agreement, chance
+from station.diagnosis.data.faults.phase_agreement import LEAST_DWELLS, chance
 from station.domain.core.types import Floats
 
 #: Points of the record for each sample period: of the fastest tone sin(.4π)²/(.4π)² = .57 is left, of the noise there
@@ -112,19 +112,20 @@ class MatchedSpectrum:
         dwells: how many count, by their weight."""
         if not len(self._frequency):
             return
-        total, usual = float(record.weight.sum()), [np.maximum(axis, 1e-300) for axis in noise(self._frequency)]
+        total, usual = float(record.weight.sum()), [1 / np.maximum(axis, 1e-300) for axis in noise(self._frequency)]
         turned = 2 * (1 - np.cos(2 * np.pi * self._step_s * self._frequency))
         stretches = zip(record.stretches(), record.weight.tolist(), record.parted.tolist(), strict=True)
         for samples, weight, parted in stretches:
             counted = dwells * weight / total
             if counted < LEAST_DWELLS:
                 continue
-            explained = weight * counted * (1 - parted * turned)
-            for axis, power in zip(samples, usual, strict=True):
+            explained, beyond = weight * (counted - 1) * (1 - parted * turned), np.ones(len(turned))
+            for axis, noisy in zip(samples, usual, strict=True):
                 line = scipy.fft.rfft(axis)[self._band]
                 # Beside the noise around it: what is in the line itself is too little known.
-                along = (line.real**2 + line.imag**2) / (explained * power)
-                self._found += agreement(along / (along + 1 - 1 / counted), counted)
+                beyond *= 1 + (line.real**2 + line.imag**2) * noisy / explained
+            # `agreement` of R² = p/(p + 1 − 1/N), p being the power beside the noise, of three axes at once.
+            self._found += (counted - 1) * np.log(beyond)
             self._stretches += 1
 
     def lines(self) -> tuple[Floats, float, float] | None:

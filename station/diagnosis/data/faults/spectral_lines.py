@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from station.domain.core.medians import medians
 from station.domain.core.types import Floats
 
 #: Frequencies tried for each 1/dwell.
@@ -72,5 +73,5 @@ def _medians(values: Floats, near: NDArray[np.bool_]) -> Floats:
     found = np.full((len(near), values.shape[1]), np.inf)
     for many in np.unique(count[count > 0]):
         places = np.flatnonzero(count == many)
-        found[places] = np.median(values[np.nonzero(near[places])[1].reshape(-1, many)], axis=1)
+        found[places] = medians(values.T[:, np.nonzero(near[places])[1].reshape(-1, many)]).T
     return found
