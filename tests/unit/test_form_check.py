@@ -18,10 +18,12 @@ from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.results.diagnose import _cause
 from station.diagnosis.search import law_chance, null_simulation
-from station.diagnosis.search.cause_search import _beside_unlikely
+from station.diagnosis.search.alarm import DRAWN_LEVEL
+from station.diagnosis.search.certainty import as_certain_together
 from station.diagnosis.search.finding import CauseFinding, depends_on
 from station.diagnosis.search.form_check import (
     LAW_NATS,
+    PRIOR_NATS,
     RivalLaws,
     _within_form_error,
     compare_laws,
@@ -63,8 +65,28 @@ def test_a_name_far_ahead_of_every_law_is_certain() -> None:
 def test_beside_a_stronger_cause_that_is_unlikely_a_weaker_one_is_not_certain() -> None:
     """What a cause of the wrong form leaves is as large as a weaker cause."""
     found = [found_at(200.0, 0.01), found_at(8.0, 0.999), found_at(300.0, 0.98)]
-    assert [f.set_probability for f in _beside_unlikely(found)] == pytest.approx([0.01, 0.5, 0.98])
-    assert [f.set_probability for f in _beside_unlikely(found[1:])] == pytest.approx([0.999, 0.98])
+    assert [f.set_probability for f in as_certain_together(found, 0.0, 4.0)] == pytest.approx([0.01, 0.5, 0.98])
+
+
+def test_no_cause_is_surer_than_a_stronger_one_beside_it() -> None:
+    found = [found_at(12.0, 0.65), found_at(8.0, 0.999), found_at(5.0, 0.6)]
+    assert [f.set_probability for f in as_certain_together(found, 0.0, 4.0)] == pytest.approx([0.65, 0.65, 0.6])
+
+
+def test_a_rest_that_chance_hardly_leaves_makes_a_name_less_certain() -> None:
+    """What is as rare as p speaks for something more by 1 / (-e p ln p) at most; nothing of it is shown yet."""
+    sure = found_at(9.0, 1.0)
+
+    def over(statistic: float) -> float:
+        return as_certain_together([sure], statistic, 4.0)[0].set_probability
+
+    chance = DRAWN_LEVEL * 10
+    odds = (-1 / (math.e * chance * math.log(chance)) - 1) * math.exp(-PRIOR_NATS)
+    assert over(3.0) == pytest.approx(1 / (1 + odds))
+    assert over(3.0) < CERTAIN < over(2.3) == 1.0
+    assert over(3.99) == pytest.approx(0.5)
+    # What alarms is told by its own name.
+    assert over(9.0) == 1.0
 
 
 def found_at(d: float, probability: float) -> CauseFinding:

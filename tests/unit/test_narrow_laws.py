@@ -2,6 +2,7 @@
 not; what noise and a healthy walk do is none."""
 
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import scipy
 
 from station.diagnosis.candidates.bank import build_bank
+from station.diagnosis.candidates.course_laws import course_laws
 from station.diagnosis.candidates.kernels import LAWS, law_kernel
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
 from station.diagnosis.data.reduce import reduce_samples
@@ -18,7 +20,7 @@ from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import SampleTable
 from station.model.model_file import Model
-from tests.blind.bench import FULL, WHITE, Scaled, World, hide
+from tests.blind.bench import FULL, WHITE, Scaled, World, hide, q_back
 from tests.blind.recipes import recipe, six_faces
 
 
@@ -32,7 +34,8 @@ def quiet() -> ScoringProblem:
 
 
 def test_every_law_is_one_of_a_kernel(quiet: ScoringProblem) -> None:
-    names = {law_kernel(covariates_of_law(law.name)) for law in rival_laws(quiet.view)}
+    laws = chain(rival_laws(quiet.view), course_laws(quiet.view))
+    names = {law_kernel(covariates_of_law(law.name)) for law in laws}
     assert names <= set(LAWS)
     assert {"order/law", "time*order/law", "position*input/law"} <= names
 
@@ -96,6 +99,28 @@ def test_a_law_that_no_wide_kernel_follows_is_found() -> None:
     problem = _problem(hide(recipe(), _changes_sign, 62, units=2, d=11.0, floor=FULL)[0])  # type: ignore[arg-type]
     found = find_laws(problem, problem.fit().floor, law_banks(problem.view))
     assert found["time*order/law"].surprise == max(f.surprise for f in found.values()) > 4.0
+
+
+def _passes_by(w: World, rng: Scaled) -> tuple[Any, Any]:
+    """The base leans while something heavy passes by, once in the whole campaign."""
+    clock = w.started + w.t
+    near = np.exp(-0.5 * ((clock - np.quantile(clock, 0.37)) / (0.03 * np.ptp(clock))) ** 2)
+    return w.feel(station=rng.amplitude(1e-4, 2) @ np.eye(2, 3) * near[:, None]), 0.0
+
+
+def _slides(w: World, rng: Scaled) -> tuple[Any, Any]:
+    """Something loose in the nests lies on the side that was down last."""
+    lies = q_back(w.nest_q, w.up)[:, 2]
+    up = np.sign(lies) * (np.abs(lies) > 0.4)
+    last = np.maximum.accumulate(np.where((up != 0) | (w.visit == 0), np.arange(len(up)), 0))
+    return w.feel(nest=rng.amplitude(1e-4, (2, 3))[w.nest] * up[last][:, None]), 0.0
+
+
+@pytest.mark.parametrize(("law", "name"), [(_passes_by, "time*input/law"), (_slides, "order*input/law")])
+def test_what_leans_or_turns_by_any_course_is_found(law: Any, name: str) -> None:
+    problem = _problem(hide(recipe(), law, 5, units=2, d=9.0, floor=WHITE)[0])
+    found = find_laws(problem, problem.fit().floor, law_banks(problem.view))
+    assert found[name].surprise == max(f.surprise for f in found.values()) > 5.0
 
 
 def test_noise_and_a_healthy_rig_are_no_law() -> None:

@@ -17,6 +17,7 @@ from station.diagnosis.search import (
     form_check,
     other_starts,
     rank,
+    search_state,
     unit_sample,
     walk_marginal,
 )
@@ -112,6 +113,8 @@ def test_chance_is_drawn_for_all_candidates_and_silence_is_that_of_all(
     """A first look in which nothing alarms is not one that left anything out."""
     monkeypatch.setattr(first_look, "FLOOR_UNITS", 3)
     monkeypatch.setattr(unit_sample, "SURE_ERRORS", 0.2)
+    # Nor does any law alarm, which has a level of its own.
+    monkeypatch.setattr(search_state, "LAW_LEVEL", 1e-300)
     drawn = list[Any]()
 
     def null_of(problem: Any, fitted: Any, like: Any) -> NullDistribution:

@@ -64,20 +64,20 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
     a cause, also laws of its shape and level: what modulates it, and what else switches where it jumps."""
     of = level if cause is None else cause.candidate.of
     levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
-    found = [_at_levels(view, laws_of_view(view), levels), _tilts(view)]
+    found = [laws_at_levels(view, laws_of_view(view), levels), _tilts(view)]
     if of in LABELS:
-        found.append(_at_levels(view, chain(laws_of_view(view), _straight(view)), (of,)))
+        found.append(laws_at_levels(view, chain(laws_of_view(view), _straight(view)), (of,)))
     elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
-        found.append(_at_levels(view, _courses_of_run(view), (of,)))
+        found.append(laws_at_levels(view, _courses_of_run(view), (of,)))
     if cause is not None:
-        found += [_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view)]
+        found += [laws_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view)]
     every: Iterable[Candidate] = chain.from_iterable(found)
     if view.feels_one_stimulus:
         every = (law for law in every if "input" not in covariates_of_law(law.name))
     return (replace(law, name=f"{law.name}/{i}") for i, law in enumerate(every))
 
 
-def _at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:
+def laws_at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:
     """Laws as candidates, shared at each of some levels."""
     for covariates, parts in laws:
         packed = CauseColumns.by_axis(parts)
@@ -103,18 +103,18 @@ def _tilts(view: ResidualView) -> Iterator[Candidate]:
     tilt = NestTilt.example()
     if not view.scene.recipe.pose_known:
         return
-    curves, weight, turns = dict(curves_by_covariate(view)), _weight_in_nest(view), list(functions_of_turns(view))
+    curves, weight, turns = dict(curves_by_covariate(view)), weight_in_nest(view), list(functions_of_turns(view))
     for one in candidates(tilt, view):
         for x in turns:
-            yield _law_of(one, "order*input", CauseColumns.of(one.visit * x[:, None, None]))
+            yield law_of_cause(one, "order*input", CauseColumns.of(one.visit * x[:, None, None]))
         for x in weight:
-            yield _law_of(one, "position*input", CauseColumns.of(one.visit * x[:, None, None]))
+            yield law_of_cause(one, "position*input", CauseColumns.of(one.visit * x[:, None, None]))
         for name, of in curves.items():
             for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]):
-                yield _law_of(one, f"{name}*input", CauseColumns.of(one.visit * x[:, None, None]))
+                yield law_of_cause(one, f"{name}*input", CauseColumns.of(one.visit * x[:, None, None]))
 
 
-def _weight_in_nest(view: ResidualView) -> list[Floats]:
+def weight_in_nest(view: ResidualView) -> list[Floats]:
     """What each axis of the nest feels (v), its size, and its side where it is slack; none where it is always alike."""
     visits = view.scene.visits
     felt = np.einsum("vij,vj->iv", visits.seat_R, view.nominal_stimulus)
@@ -159,7 +159,7 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
         size = np.linalg.norm(steps_of_stimulus(view), axis=1)
         for name, x in (*curves, ("order", size)):
             changed = CauseColumns.of(visit * x[:, None, None], dwell * x[:, None, None, None])
-            law = _law_of(cause, f"dwell-phase*{name}", changed)
+            law = law_of_cause(cause, f"dwell-phase*{name}", changed)
             yield from _of_each(law, view)
     elif cause.effect is not None and cause.pattern != "scan":
         word = acts_by(cause.effect)
@@ -169,8 +169,8 @@ def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
                 continue
             alone, also = (visit * of[:, None, None] for of in _within_groups(cause, x))
             both = "*".join(dict.fromkeys((name, word)))
-            yield _law_of(cause, both, CauseColumns.of(alone))
-            yield _law_of(cause, both, CauseColumns.of(np.concatenate([visit, also], axis=2)))
+            yield law_of_cause(cause, both, CauseColumns.of(alone))
+            yield law_of_cause(cause, both, CauseColumns.of(np.concatenate([visit, also], axis=2)))
         yield from _of_groups(cause, cause.effect, view)
 
 
@@ -202,7 +202,7 @@ def _of_groups(cause: Candidate, effect: Effect, view: ResidualView) -> Iterator
         code, names = view.scene.group(of)
         both = len(np.unique(np.stack([units, code]), axis=1).T)
         if len(names) > 1 and not both == len(names) == view.grid.units:
-            law = _law_of(cause, f"{acts_by(effect)}*group", cause.columns)
+            law = law_of_cause(cause, f"{acts_by(effect)}*group", cause.columns)
             if cause.of == "position":
                 code, names = packed_codes(code * len(cause.names) + cause.code)
             yield replace(law, name=f"{law.name}/{of}", of=of, pattern="shared", code=code, names=names)
@@ -221,7 +221,7 @@ def laws_within_dwells(cause: Candidate, view: ResidualView) -> list[Candidate]:
     word, found = f"dwell-phase*{acts_by(cause.effect)}", list[Candidate]()
     for begun in (1.0, *DWELL_BEGUN):
         rows = cause.visit[:, None] * (1.0 - (1.0 - begun) * late)[:, None, None]
-        law = _law_of(cause, word, CauseColumns.of(*mean_and_contrasts(rows, count)))
+        law = law_of_cause(cause, word, CauseColumns.of(*mean_and_contrasts(rows, count)))
         found.append(replace(law, name=f"{law.name}/{begun:g}"))
     return found
 
@@ -250,13 +250,13 @@ def fading_laws(cause: AcceptedCause, view: ResidualView) -> Iterator[tuple[list
         for course, reach in ends:
             apart = [g for g in together if g != group and not 0.0 < since[first[g]] < reach]
             courses.append((course, *(one.code == g for g in apart)))
-        laws = _at_levels(
+        laws = laws_at_levels(
             view, (("time", tuple(on_every_axis(np.asarray(x, float)) for x in c)) for c in courses), ("common",)
         )
         yield together, [replace(law, name=f"{law.name}/{i}") for i, law in enumerate(laws)]
 
 
-def _law_of(cause: Candidate, word: str, columns: CauseColumns) -> Candidate:
+def law_of_cause(cause: Candidate, word: str, columns: CauseColumns) -> Candidate:
     """Columns as a law with the groups of a cause."""
     name = f"{PREFIX}{word}/{cause.of}"
     return replace(cause, name=name, effect=None, columns=columns, plain=None, own=(), axis_scale=())

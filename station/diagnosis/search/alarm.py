@@ -72,6 +72,11 @@ class NullDistribution:
         ]
         return np.asarray(np.max(each, axis=0)) if each else np.zeros(1)
 
+    def beside(self, surprise: float, level: float) -> float:
+        """A surprise that alarms at a level of its own, as far above or below the threshold as above or below that; 0
+        where it is none."""
+        return surprise + self.threshold + float(np.log10(level)) if surprise > 0 else 0.0
+
     def document(self) -> dict[str, object]:
         """As plain numbers, to keep."""
         causes = {
@@ -132,6 +137,12 @@ def _tails_of(scores: Mapping[str, Floats]) -> NullDistribution:
 def statistic(null: NullDistribution, evidence: Mapping[str, float]) -> float:
     """The largest −log₁₀ p over the causes."""
     return float(null.surprise({name: np.array([e]) for name, e in evidence.items()})[0])
+
+
+def chance_of(statistic: float, threshold: float) -> float:
+    """How often chance alone makes as large a statistic, by the tail of which the threshold is a quantile: a tenth for
+    each step of 1."""
+    return float(min(DRAWN_LEVEL * 10.0 ** (threshold - statistic), 1.0))
 
 
 def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, seed: int) -> str:

@@ -1,13 +1,14 @@
 """Causes one after another, until nothing alarms."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from station.diagnosis.candidates import kernels as generic
 from station.diagnosis.search.alarm import UNKNOWN_NATS, NullDistribution
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.cause_chains import Chain, chain, in_parts
-from station.diagnosis.search.finding import UNLIKELY, CauseFinding, depends_on, is_unknown, unknown_finding
+from station.diagnosis.search.certainty import as_certain_together
+from station.diagnosis.search.finding import CauseFinding, depends_on, is_unknown, unknown_finding
 from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel, compare_laws_with_scatter
 from station.diagnosis.search.other_starts import best_of_starts
 from station.diagnosis.search.rank import RankedCause, causes_of, leaders
@@ -155,19 +156,10 @@ def with_forms_checked(found: SearchResult) -> SearchResult:
             checked.append(laws.judged(finding))
             words += laws.words if laws.is_ahead else ()
             i += 1
-    findings = _beside_unlikely([_with_words_ahead(f) for f in checked])
+    findings = as_certain_together([_with_words_ahead(f) for f in checked], found.statistics[-1], found.threshold)
     return replace(found, findings=findings, other_forms=tuple(dict.fromkeys(words)))
 
 
 def _with_words_ahead(f: CauseFinding) -> CauseFinding:
     """A cause with what the kernels say that are ahead of it."""
     return f if f.words else replace(f, doubts=tuple(dict.fromkeys((*f.doubts, *f.words_ahead))))
-
-
-def _beside_unlikely(findings: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
-    """The findings, none more likely than not beside a stronger one that is unlikely: what the wrong form leaves is as
-    large as a weaker cause, and may look like any."""
-    strongest = max((f.d for f in findings if f.accepted is not None and f.is_unlikely), default=0.0)
-    return tuple(
-        f.at_most(UNLIKELY) if f.accepted is not None and not f.is_unlikely and f.d < strongest else f for f in findings
-    )

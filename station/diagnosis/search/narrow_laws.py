@@ -15,6 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Bank, build_bank
+from station.diagnosis.candidates.course_laws import course_laws, is_course
 from station.diagnosis.candidates.kernels import law_kernel
 from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
 from station.diagnosis.data.residuals import ResidualView
@@ -49,7 +50,7 @@ def law_banks(view: ResidualView) -> tuple[Bank, ...]:
     """The laws of these data, some together; none of fleets and of long runs."""
     if view.grid.units > MOST_UNITS or view.grid.slot.shape[2] > MOST_VISITS:
         return ()
-    laws = list(rival_laws(view))
+    laws = [*rival_laws(view), *course_laws(view)]
     parts = (laws[first : first + AT_ONCE] for first in range(0, len(laws), AT_ONCE))
     return tuple(build_bank(some, view.layout, moving=False) for some in parts)
 
@@ -63,11 +64,16 @@ def find_laws(problem: ScoringProblem, floor: NoiseFloor, banks: Sequence[Bank])
     nats, chance = (np.concatenate(each) for each in zip(*found, strict=True))
     laws = [law for bank in banks for law in bank.candidates]
     names, shown = np.array([law_kernel(covariates_of_law(law.name)) for law in laws]), np.isfinite(nats)
-    of_name = {str(name): shown & (names == name) for name in np.unique(names[shown])}
-    return {
-        name: Unseen.of(float(log_mean_exp(nats[some])), float(chance[some].min()) * len(laws))
-        for name, some in of_name.items()
-    }
+    # Close courses are many and alike: they take no more chances from all others than those from them.
+    close = np.array([is_course(law) for law in laws])
+    kinds = [(kind, kind & shown) for kind in (close, ~close) if np.any(kind & shown)]
+    seen = dict[str, Unseen]()
+    for name in np.unique(names[shown]).tolist():
+        parts = [(np.count_nonzero(kind), some) for kind, those in kinds if np.any(some := those & (names == name))]
+        each = np.array([float(log_mean_exp(nats[some])) for _, some in parts])
+        least = min(float(chance[some].min()) * count for count, some in parts)
+        seen[name] = Unseen.of(float(log_mean_exp(each)), least * len(kinds))
+    return seen
 
 
 def _floors(problem: ScoringProblem, floor: NoiseFloor) -> Iterator[NoiseFloor]:

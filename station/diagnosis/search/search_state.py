@@ -39,6 +39,8 @@ LawFactory = Callable[["CauseSearch", float, float], "LawAlone | None"]
 
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
+#: Chance of an alarm by any of the laws, whose chance is that of all of them together.
+LAW_LEVEL = 1e-3
 #: How often one and the same cause may be found.
 MAX_REPEATS = 2
 
@@ -123,7 +125,7 @@ class CauseSearch:
         if not evident or surprise <= self._null.threshold:
             laws = find_laws(problem, fitted.floor, self.banks.of_laws(problem.view))
             evidence |= {name: found.nats for name, found in laws.items()}
-            surprise = max([surprise, *(found.surprise for found in laws.values())])
+            surprise = max([surprise, *(self._null.beside(found.surprise, LAW_LEVEL) for found in laws.values())])
         return SearchState(problem, around.best, around, evidence, surprise, self._null.threshold)
 
     def ranks(self, state: SearchState, before: Sequence[str]) -> dict[str, RankedCause]:
