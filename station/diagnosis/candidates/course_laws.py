@@ -125,7 +125,7 @@ def _winding(view: ResidualView) -> Iterator[Course]:
 def _loads(view: ResidualView) -> Iterator[Course]:
     """How the part lies in its nest, alone or with a covariate, what earlier loads have left, and on which side a loose
     part lay last."""
-    felt = np.einsum("vij,vj->iv", view.scene.visits.seat_R, view.stimulus)
+    felt = np.einsum("vij,vj->iv", view.scene.visits.seat_R, view.nominal_stimulus)
     felt = felt / max(float(np.abs(felt).max()), 1e-300)
     forms = [*weight_in_nest(view), *(x * y for x, y in combinations_with_replacement(felt, 2))]
     yield from (("position", x) for x in forms)
