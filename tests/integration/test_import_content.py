@@ -522,3 +522,12 @@ def test_a_unit_that_is_turned_all_the_time_never_rests(
     y = np.concatenate(parts) + 0.02 * rng.standard_normal((6 * (len(slow) + 120), 3))
     path = saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 30, y], header="t,ax,ay,az")
     assert "never at rest" in refused(capsys, path)
+
+
+def test_the_name_of_a_compass_chip_in_the_file_s_name_tells_a_field(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Its counts are near a power of two, as an accelerometer's are."""
+    counts = np.round(540 * sphere(rng, 400) + [20, -90, -80])
+    one = understood(capsys, saved(tmp_path / "HMC5883L_calibr.txt", counts, "%d"))
+    check(one, reading_unit="uT", visits_by="readings")

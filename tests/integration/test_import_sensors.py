@@ -208,6 +208,7 @@ def test_a_list_of_turn_rates_is_no_list_of_poses(rng: np.random.Generator, tmp_
         (b"\xa3\x95\x80", "an ArduPilot log"),
         (b"\x1f\x8b\x08", "a compressed file"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:7d72\n", "a Git LFS pointer"),
+        (b"\xef\xbb\xbf\n<!DOCTYPE html>\n<html><body>1,2,3</body></html>", "a web page"),
     ],
 )
 def test_recordings_of_other_programs_are_named_with_what_to_do(tmp_path: Path, beginning: bytes, said: str) -> None:
@@ -428,6 +429,7 @@ def test_turn_rates_in_counts_about_a_converters_middle_are_asked_for(rng: np.ra
     [
         ("attempts", "attempts"), ("template_id", "count"), ("temporal_x", "wave"), ("temp_status", "zero"),
         ("temp_setpoint", "still"), ("temp_raw", "count"), ("cpu_temp", "warmer"), ("tempo", "wave"),
+        ("BMP_temp", "warmer"),
     ],
 )  # fmt: skip
 def test_a_column_that_only_looks_like_a_temperature_hides_no_thermometer(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from station.diagnosis.data.faults import clock
+from station.diagnosis.data.preflight import PARTLY, inspect
 from station.diagnosis.data.stays import recut
 from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -103,6 +104,29 @@ def test_one_stay_becomes_the_same_table_however_it_is_cut(cut_s: float) -> None
     assert np.array_equal(made.table.visit, whole.table.visit)
     assert made.stretches == whole.stretches == 2 * 96
     assert made.length_s == pytest.approx(3600 / 96, rel=1e-3)
+
+
+def test_what_moves_at_the_ends_of_a_stay_is_left_out_however_it_is_cut() -> None:
+    """The first 25 s and the last 10 s of 20 minutes are handled: of visits of 30 or 60 s a part is left out."""
+    t = np.arange(12_000) / 10.0
+    still = np.array([0.0, 0.0, 1.0]) + 0.002 * np.random.default_rng(5).standard_normal((len(t), 3))
+    handled = (t < 25) | (t >= 1190)
+    still[handled] += 0.4 * np.sin(t[handled])[:, None] * [1.0, 0.3, 0.1]
+    device = {"device": fast().device.model_copy(update={"rate_hz": 10.0})}
+    one = fast().model_copy(update={"positions": fast().positions[:1], **device})
+    name = Labels((one.positions[0].name,), np.zeros(len(t), np.int32))
+    kept = []
+    for cut_s in (5.0, 10.0, 30.0, 60.0):
+        made = table(t, np.floor(t / cut_s + 1e-9))
+        found, left = inspect(one, replace(made, reading=still, position=name))
+        kept.append(left.time_s)
+        partly = [lost for lost in found.left_out if lost.reason.id == PARTLY]
+        assert partly or cut_s < 30
+        assert len({lost.reason for lost in found.left_out}) == len(found.left_out)
+    assert all(np.array_equal(kept[0], other) for other in kept[1:])
+    assert kept[0][0] >= 25
+    assert kept[0][-1] < 1190
+    assert len(kept[0]) > 0.94 * len(t)
 
 
 def test_visits_that_the_fixture_left_are_not_joined() -> None:

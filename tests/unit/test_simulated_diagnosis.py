@@ -11,6 +11,7 @@ from station.diagnosis.planning.chance import PROMISED_SETS, SimulatedChance, sh
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_readings import NextReadings
 from station.diagnosis.planning.plan import PlannedRuns
+from station.diagnosis.planning.proposal import propose
 from station.diagnosis.planning.run_menu import run_menu
 from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, suspects_of, usual_shapes
 from station.model.simulate import SimulationJob, simulate
@@ -79,3 +80,12 @@ def test_a_plan_is_likelier_the_stronger_its_causes_are_and_sure_of_strong_ones(
     assert shares[0] < 0.8
     assert shares[1] > 0.95
     assert found.parted["nest-tilt", "package-rotation"] > 0.95
+
+
+def test_no_run_is_proposed_for_a_visit_that_was_disturbed_once() -> None:
+    """In one position no further run can show it again."""
+    recipe = load_job("one-point")[0].recipe
+    disturbed = next(e for e in cause_library(recipe) if e.id == "disturbed-visit")
+    campaign = MeasuredCampaign(recipe, units=1, nests=1, floor=NoiseFloor(1e-4, 0.0, 0.0))
+    tie = CauseTie(CauseHypothesis(disturbed, "visit", 1e-3), ("temperature-rate",), 20.0)
+    assert propose(campaign, [tie]) is None

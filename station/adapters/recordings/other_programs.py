@@ -23,10 +23,15 @@ _BEGINNINGS: tuple[tuple[bytes, str, str], ...] = (
     (b"%PDF-", "kind-document", "remedy-export"),
     (b"version https://git-lfs.github.com/", "kind-lfs-pointer", "remedy-lfs-pull"),
 )
+#: A web page, saved instead of the file that it leads to; letters of any case, blanks ahead.
+_PAGE = (b"<!doctype html", b"<html")
 
 
 def check(path: Path, head: bytes) -> None:
     """head: how the file begins. Errors: SamplesError where that tells a form that is not read."""
-    for beginning, kind, remedy in _BEGINNINGS:
-        if head.startswith(beginning):
-            raise SamplesError("recording-of-other-program", file=str(path), kind=Message(kind), remedy=Message(remedy))
+    known = [(kind, remedy) for beginning, kind, remedy in _BEGINNINGS if head.startswith(beginning)]
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip().lower().startswith(_PAGE):
+        known = [("kind-web-page", "remedy-download")]
+    if known:
+        kind, remedy = known[0]
+        raise SamplesError("recording-of-other-program", file=str(path), kind=Message(kind), remedy=Message(remedy))

@@ -26,6 +26,8 @@ from station.messages import Message, render
 SHEET_KEYS = ("rate_hz", "lsb", "noise_density")
 #: Rows were shuffled where this share of a visit's stamps, or more, is before the one ahead of it.
 SHUFFLED = 0.2
+#: Why a part of a visit is left out.
+PARTLY = "visit-moves-partly"
 #: Orientations of which no pose is known that leave anything to see beside three offsets and three gains.
 LEAST_ORIENTATIONS = 7
 
@@ -39,10 +41,14 @@ class LeftOutVisit:
     visit: int
     reason: Message
 
+    @property
+    def of(self) -> str:
+        """As a finding names a visit."""
+        return f"visit:{self.unit}/{self.run}/{self.visit}"
+
     def document(self) -> dict[str, Any]:
         """As JSON keeps it."""
-        of = f"visit:{self.unit}/{self.run}/{self.visit}"
-        return {"of": of, "reason": render(self.reason), "message": self.reason.document()}
+        return {"of": self.of, "reason": render(self.reason), "message": self.reason.document()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,20 +99,21 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
     number = np.repeat(np.arange(len(begin)), end - begin)
     found = sheet.infer(table.reading, table.time_s, number)
-    motion = visit_motion.of(table, begin, end, found.noise)
     unit = table.unit.code[begin]
     size = preflight_checks.stimulus_size(recipe, mean)
-    preflight_checks.check_rest(motion, unit, size)
+    gone, lost = _moving(recipe, table, found, size)
     preflight_checks.check_signal(recipe, found, size)
-    moving, merged = visit_motion.moving(motion, unit, size)
-    out = moving | merged
+    out = np.logical_and.reduceat(gone, begin)
+    if (gone & ~out[number]).any():
+        kept = np.add.reduceat(~gone, begin)[:, None]
+        still = np.add.reduceat(np.where(gone[:, None], 0.0, table.reading), begin, axis=0)
+        mean = np.where(kept > 0, still / np.maximum(kept, 1), mean)
     poses = _poses(recipe, mean[~out], unit[~out])
     turned = preflight_checks.one_turned_unit(recipe, mean[~out], unit[~out])
     preflight_checks.check_poses(recipe, poses, turned)
     preflight_checks.check_magnitude(recipe, mean[~out], unit[~out], found)
     if poses < LEAST_ORIENTATIONS:
         preflight_checks.check_axes_agree(recipe, table, mean[~out], unit[~out])
-    lost = tuple(_left_out(table, begin, motion, merged, int(v)) for v in np.flatnonzero(out))
     warm = table.values.get("temperature_degC")
     lengths = np.linalg.norm(mean[~out] if (~out).any() else mean, axis=1)
     result = Preflight(
@@ -124,7 +131,30 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         ),
         simulated=_simulated(table, begin),
     )
-    return result, table[~out[number]] if out.any() else table
+    return result, table[~gone] if gone.any() else table
+
+
+def _moving(
+    recipe: Recipe, table: SampleTable, found: InferredSheet, size: float
+) -> tuple[NDArray[np.bool_], tuple[LeftOutVisit, ...]]:
+    """Which rows of a sorted table move or belong to two poses at once, and why they are left out: whole visits, but of
+    a stay that was cut into visits the stretches of it that move. Errors: SamplesError where most do."""
+    cut = stays.stretches(recipe, table)
+    begin, end = visit_boundaries(cut)
+    motion = visit_motion.of(cut, begin, end, found.noise)
+    unit = cut.unit.code[begin]
+    preflight_checks.check_rest(motion, unit, size)
+    moving, merged = visit_motion.moving(motion, unit, size)
+    gone = np.repeat(moving | merged, end - begin)
+    first, _ = visit_boundaries(table)
+    whole = np.logical_and.reduceat(gone, first)[np.searchsorted(first, begin, side="right") - 1]
+    lost = [
+        _left_out(table, (int(begin[v]), int(end[v])), motion, merged, v, whole=bool(whole[v]))
+        for v in np.flatnonzero(moving | merged).tolist()
+    ]
+    # Of a visit that is gone whole one stretch tells why.
+    once = {(one.of, one.reason if one.reason.id == PARTLY else None): one for one in reversed(lost)}
+    return gone, tuple(once.values())[::-1]
 
 
 def in_order(table: SampleTable) -> SampleTable:
@@ -154,17 +184,27 @@ def check_orientations(recipe: Recipe, found: Preflight) -> None:
 
 
 def _left_out(
-    table: SampleTable, begin: NDArray[np.int64], motion: visit_motion.VisitMotion, merged: NDArray[np.bool_], v: int
+    table: SampleTable,
+    rows: tuple[int, int],
+    motion: visit_motion.VisitMotion,
+    merged: NDArray[np.bool_],
+    v: int,
+    *,
+    whole: bool,
 ) -> LeftOutVisit:
-    row = int(begin[v])
+    """Why stretch v, rows first to one past the last, is left out; whole: with all of its visit."""
+    row, end = rows
     name, position = table.unit.names[table.unit.code[row]], table.position.names[table.position.code[row]]
     run, visit = int(table.run[row]), int(table.visit[row])
     values: Mapping[str, Any] = {"serial": name, "run": run, "visit": visit, "position": position}
-    reason = (
-        Message("visit-of-two-poses", **values, step=float(motion.step[v]))
-        if merged[v]
-        else Message("visit-moves", **values, range=float(max(motion.range[v], motion.scatter[v])))
-    )
+    moves = float(max(motion.range[v], motion.scatter[v]))
+    if not whole:
+        lasts_s = float(table.time_s[end - 1] - table.time_s[row])
+        reason = Message(PARTLY, **values, range=moves, start_s=float(table.time_s[row]), lasts_s=lasts_s)
+    elif merged[v]:
+        reason = Message("visit-of-two-poses", **values, step=float(motion.step[v]))
+    else:
+        reason = Message("visit-moves", **values, range=moves)
     return LeftOutVisit(name, run, visit, reason)
 
 

@@ -62,7 +62,21 @@ def recut(recipe: Recipe, table: SampleTable, *, steps_looked_for: bool = False)
     joined = _joined(recipe, table, first, period)
     known = steps_looked_for and not joined.any()
     steps = np.zeros(0, np.intp) if known else _steps(recipe, table, first[np.r_[True, ~joined]], period)
-    begins = np.union1d(first[np.r_[True, ~joined]], steps)
+    return _recut(recipe, table, first[np.r_[True, ~joined]], steps, period)
+
+
+def stretches(recipe: Recipe, table: SampleTable) -> SampleTable:
+    """A sorted table in the same stretches, its steps left in them: what moves is judged, too, however it was cut."""
+    first = _first_rows(table)
+    period = _period(table, first)
+    begins = first[np.r_[True, ~_joined(recipe, table, first, period)]]
+    return _recut(recipe, table, begins, np.zeros(0, np.intp), period).table
+
+
+def _recut(recipe: Recipe, table: SampleTable, stays: Rows, steps: Rows, period: float) -> Recut:
+    """A sorted table whose stays begin at rows (k) and also end at the rows of steps."""
+    first = _first_rows(table)
+    begins = np.union1d(stays, steps)
     row_stay = np.searchsorted(begins, np.arange(len(table)), side="right") - 1
     since = table.time_s - table.time_s[begins][row_stay]
     span = np.zeros(len(begins))

@@ -23,7 +23,7 @@ from station.diagnosis.planning.suspects import (
     axes_of,
     causes_shown,
     shaped_like,
-    suspects_of,
+    suspects_of_all,
     usual_candidates,
 )
 from station.diagnosis.search.distinguishability import SEPARATION_95
@@ -87,19 +87,21 @@ class Proposal:
 
 def rated_runs(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Iterator[Proposal]:
     """Every run of the menu as the next one, the shortest first, with what it would separate."""
-    lines_up = [suspects_of(campaign, tie) for tie in ties]
+    lines_up = suspects_of_all(campaign, ties)
     return _rated_menu(campaign, PlannedRuns.measured(campaign.recipe), lines_up, None)
 
 
 def promised(campaign: MeasuredCampaign, proposal: Proposal, ties: Sequence[CauseTie]) -> Proposal:
     """A proposal with the chance that simulated diagnoses give it."""
-    return _simulated(campaign, proposal, [suspects_of(campaign, tie) for tie in ties], PROMISED_SETS)
+    return _simulated(campaign, proposal, suspects_of_all(campaign, ties), PROMISED_SETS)
 
 
 def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | None:
     """The best next run, or several, with the chance that simulated diagnoses give it; None where nothing of the menu
     separates any of the causes."""
-    lines_up = [suspects_of(campaign, tie) for tie in ties]
+    lines_up = suspects_of_all(campaign, ties)
+    if not lines_up:
+        return None
     best = _longer(campaign, lines_up, MAX_RUNS)
     if campaign.in_one_nest and _of_a_nest(lines_up) and (best is None or best.certainty < LIKELY):
         # What is a nest's and what is the rig's, no run in that nest tells.

@@ -57,6 +57,12 @@ class Suspects:
     hidden: tuple[str, ...] = ()
 
 
+def suspects_of_all(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> list[Suspects]:
+    """Of each tie, but of those that no further run can show: a visit that was disturbed is disturbed once."""
+    plan = campaign.gone_on(PlannedRuns.measured(campaign.recipe))
+    return [suspects_of(campaign, tie) for tie in ties if usual_shapes(plan, tie.found.effect.id)]
+
+
 def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
     """The found cause, and each of the others as it would have to be to look like it so far."""
     plan = campaign.gone_on(PlannedRuns.measured(campaign.recipe))

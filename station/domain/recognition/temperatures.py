@@ -17,8 +17,11 @@ _WORD = re.compile(r"[A-Z]?[a-zà-ÿ]+|[A-Z]+(?![a-z])|[0-9]+|[一-鿿]+")
 #: `temp` ends its word, so that attempts, templates and tempi are none.
 _THERMOMETER = re.compile(r"temp([eé]rat\w*)?$|^therm|温")
 _DEGREES = re.compile(r"deg_?[cf]\b|° ?[cf]|celsius|fahrenheit|kelvin", re.IGNORECASE)
-_OF_THE_SENSOR = re.compile(r"^(imu|sens|acc|gyr|mag|mpu|chip|die|device|dut|internal)")
-_OF_SOMETHING_ELSE = re.compile(r"^(set|target|goal|soll|cpu|gpu|ambient|room|oven|chamber|outside|battery|status|id)")
+_OF_THE_SENSOR = re.compile(r"^(imu|sens|acc|gyr|mag|mpu|chip|die|device|dut|internal|[agm]_?temp)")
+#: Among others barometers and hygrometers, which stand beside the sensor.
+_OF_SOMETHING_ELSE = re.compile(
+    r"^(set|target|goal|soll|cpu|gpu|ambient|room|oven|chamber|outside|battery|status|id|air|env|baro|aht|bm[ep]|dht|sht)"
+)
 
 
 def thermometers(table: RawTable, assigned: set[int | None]) -> list[int]:
