@@ -16,13 +16,14 @@ from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.results.diagnosis_document import cause_names
 from station.diagnosis.results.smallest_effect import detectable_length
 from station.diagnosis.search.finding import CauseFinding
-from station.domain.core.types import Floats, Labels
+from station.domain.core.types import Floats, Labels, SampleTable
 from station.reporting.diagnosis.cause_text import makes_testable
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, FormulaCurve, ReportData
 from station.reporting.diagnosis.hypothesis_section import draw_curve
 from station.reporting.diagnosis.page import ReportPage, ReportSection, build_page
 from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
 from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size
+from station.reporting.diagnosis.samples import tone_spectrum
 
 PLACES = ("z-up", "x-up", "y-up", "z-down")
 
@@ -115,6 +116,7 @@ def test_the_first_picture_shows_the_signature_over_what_the_cause_needs() -> No
     assert lead_picture is not None
     words = [t.text for t in ET.fromstring(lead_picture.svg).iter("{http://www.w3.org/2000/svg}text")]
     assert {"temperature, °C", "what the cause predicts", "measured, mean of a group ± 95 %"} <= set(words)
+    assert "residual, µg" in words
 
 
 @pytest.mark.parametrize(("effect", "points"), [("quadratic", 80), ("cubic", 80), ("asymmetry", 5)])
@@ -264,6 +266,28 @@ def test_a_cause_within_the_dwell_is_shown_within_the_dwell() -> None:
     assert page.lead is not None
     assert "settling within the dwell" in page.lead.svg
     assert "time since the dwell began, s" in page.lead.svg
+
+
+def test_noise_stands_as_high_in_the_spectrum_whether_the_motors_run_or_not() -> None:
+    """What is measured at a part of the drive is brought to the whole of it, and its noise with it."""
+    rng, dwells, n = np.random.default_rng(2), 80, 50
+    drive = np.repeat(np.where(np.arange(dwells) % 2, 0.4, 0.0), n)
+    visit = np.repeat(np.arange(dwells, dtype=np.int32), n)
+    one, at = Labels(("SN0000",), np.zeros(dwells * n, np.int32)), np.arange(dwells * n) / 50
+    found = tone_spectrum(
+        SampleTable(one, 0 * visit, visit, one, at, rng.standard_normal((dwells * n, 3)), values={"motor": drive})
+    )
+    assert found is not None
+    assert found.off is not None
+    # Mean powers of 2 × 40 exponentials each at 25 frequencies, of which neighbours share a window.
+    assert np.mean(found.on**2) / np.mean(found.off**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 * 2 / (40 * 25)))
+
+
+def test_a_gain_that_is_none_of_means_has_no_bars_of_rms() -> None:
+    gain = {**a_cause("motor-tone")["gain"], "rms_before": None, "rms_after": None, "explained": None}
+    page = build_page(some_data("named", [a_cause("motor-tone", gain=gain)], signatures=()))
+    assert "before-after" not in drawn(page)
+    assert "before-after" in drawn(build_page(some_data("named", [a_cause("cubic")])))
 
 
 @pytest.mark.parametrize(("effect", "axis"), [("bias-walk", "visit within the run"), ("repeatability", "x-up")])

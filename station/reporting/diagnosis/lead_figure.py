@@ -104,7 +104,7 @@ def dwell_figure(course: DwellCourse, unit: str, effect: str) -> str:
         Series(at, measured.tolist(), report_text("legend-measured"), low=low, high=high),
     )
     title, along = report_text("figure-dwell", effect=effect), report_text("axis-within-dwell")
-    return svg(Figure(title, along, words, series, width=760, height=330))
+    return svg(Figure(title, along, report_text("axis-residual", unit=words), series, width=760, height=330))
 
 
 def spectrum_figure(found: ToneSpectrum, cause: Mapping[str, Any], unit: str) -> str:
@@ -124,7 +124,8 @@ def spectrum_figure(found: ToneSpectrum, cause: Mapping[str, Any], unit: str) ->
         alias = abs(tone - rate * round(tone / rate))
         series.append(Series([alias], [size * factor], report_text("legend-cause"), kind="dashes", colour=1))
     title = report_text("figure-spectrum", effect=cause["effect"], axis=found.axis)
-    return svg(Figure(title, report_text("axis-frequency"), words, tuple(series), width=760, height=360))
+    along, up = report_text("axis-frequency"), report_text("axis-amplitude", unit=words)
+    return svg(Figure(title, along, up, tuple(series), width=760, height=360))
 
 
 def samples_figure(found: DwellSamples, cause: Mapping[str, Any], unit: str) -> str:

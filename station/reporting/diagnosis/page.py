@@ -168,7 +168,8 @@ def _gain(data: ReportData) -> ReportSection:
     """Before and after on data that were not fitted, and what that is for the line."""
     if not data.causes:
         return ReportSection("gain", "")
-    found = [Picture("before-after", tables.before_after_chart(data), report_text("caption-before-after"))]
+    bars = tables.before_after_chart(data)
+    found = [Picture("before-after", bars, report_text("caption-before-after"))] if bars else []
     text = [tables.gain_sentence(cause, data.unit_of_readings) for cause in data.causes]
     if (v := data.judged) is not None:
         passed = {"before": v["passed_before"], "after": v["passed_after"], "units": len(v["units"])}

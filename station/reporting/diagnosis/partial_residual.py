@@ -95,7 +95,7 @@ def _figure(
     return Figure(
         report_text(title, effect=cause["effect"], axis=data.axes[i]) + whose,
         axis.label,
-        unit,
+        report_text("axis-residual", unit=unit),
         (
             _noise_band(axis, scaled, 1.96 * data.noise_rms * factor),
             _single_points(axis, scaled),

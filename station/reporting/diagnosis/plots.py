@@ -9,6 +9,7 @@ from station.domain.core.types import Floats
 from station.reporting.diagnosis.data import ReportData
 from station.reporting.diagnosis.plot_axis import AXIS_LABELS, PlotAxis, plot_axis
 from station.reporting.diagnosis.quantity_format import display_unit
+from station.reporting.diagnosis.sentences import report_text
 from station.reporting.drawing.figure import Figure, Series, panels
 from station.reporting.drawing.tables import heat_map
 
@@ -126,7 +127,8 @@ def _figure(
     down = 70 if last and axis.places else 0
     names = axis.places if last else tuple("" for _ in axis.places)
     label = AXIS_LABELS.get(axis.name, axis.name) if last else ""
-    return Figure(title, label, unit, tuple(series), names, levels, width=760, height=height + down)
+    up = report_text("axis-residual", unit=unit)
+    return Figure(title, label, up, tuple(series), names, levels, width=760, height=height + down)
 
 
 def _cloud(axis: PlotAxis, values: Floats, name: str, colour: int) -> Series:

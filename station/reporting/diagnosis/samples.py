@@ -15,7 +15,7 @@ def tone_spectrum(table: SampleTable) -> ToneSpectrum | None:
     """Amplitude against frequency over all dwells of the usual length; None where they are too short to have one.
 
     A dwell's mean and slope are taken off. With the motors on a dwell is divided by its motor level, and counts by the
-    level's square, so that the amplitude is the one at full drive.
+    level's square, so that the amplitude is the one at full drive; those with the motors off are brought to that scale.
     """
     starts, ends = _dwells(table)
     lengths = ends - starts
@@ -35,9 +35,11 @@ def tone_spectrum(table: SampleTable) -> ToneSpectrum | None:
     on = np.asarray(motor > 0)
     if not on.any():
         return None
-    driven = np.sqrt(power[on].sum(0) / float(np.sum(motor[on] ** 2)))
+    drive2 = float(np.sum(motor[on] ** 2))
+    driven = np.sqrt(power[on].sum(0) / drive2)
     i = int(np.argmax(driven[1:].max(axis=0)))
-    rest = np.sqrt(power[~on].mean(0))[:, i] if (~on).any() else None
+    # Noise does not grow with the drive: on the same scale it stands as high in both.
+    rest = np.sqrt(power[~on].mean(0) * np.count_nonzero(on) / drive2)[:, i] if (~on).any() else None
     frequency = np.asarray(np.fft.rfftfreq(n, step), float)
     return ToneSpectrum("xyz"[i], frequency[1:], np.asarray(driven[1:, i]), None if rest is None else rest[1:])
 

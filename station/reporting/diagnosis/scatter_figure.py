@@ -102,4 +102,4 @@ def _figure(
     factor, unit = display_unit([float(np.abs(shown.rest).max(initial=0.0))], data.unit_of_readings)
     title = report_text("figure-cause-axis", effect=cause["effect"], axis=data.axes[i]) + whose
     series = shown.series(factor, places=bool(places))
-    return svg(Figure(title, label, unit, series, places, width=760, height=360))
+    return svg(Figure(title, label, report_text("axis-residual", unit=unit), series, places, width=760, height=360))

@@ -73,14 +73,16 @@ def intervals_chart(cause: Mapping[str, Any]) -> str | None:
     series = Series(list(map(float, range(len(y)))), y, low=low, high=high)
     name = str(rows[0]["name"]).replace("_", " ")
     title = report_text("figure-intervals", effect=cause["effect"], name=name)
-    return svg(Figure(title, "", unit, (series,), names, width=760, height=320))
+    return svg(Figure(title, "", f"{name}, {unit}" if unit else name, (series,), names, width=760, height=320))
 
 
-def before_after_chart(data: ReportData) -> str:
-    """Rms on held-out data before and after each cause, and the noise floor; of causes whose gain is one of means."""
+def before_after_chart(data: ReportData) -> str | None:
+    """Rms on held-out data before and after each cause, and the noise floor; None where no gain is one of means."""
     gains = [(c["effect"], c["gain"]) for c in data.causes if c["gain"]["rms_after"] is not None]
+    if not gains:
+        return None
     floor = float(data.document["baseline"]["floor_rms"])
-    factor, unit = display_unit([g["rms_before"] for _, g in gains] or [floor], data.unit_of_readings)
+    factor, unit = display_unit([g["rms_before"] for _, g in gains], data.unit_of_readings)
     rows = []
     for name, gain in gains:
         rows.append((report_text("bar-without", effect=name), gain["rms_before"]))
