@@ -105,7 +105,7 @@ def _passes_by(w: World, rng: Scaled) -> tuple[Any, Any]:
     """The base leans while something heavy passes by, once in the whole campaign."""
     clock = w.started + w.t
     near = np.exp(-0.5 * ((clock - np.quantile(clock, 0.37)) / (0.03 * np.ptp(clock))) ** 2)
-    return w.feel(station=rng.amplitude(1e-4, 2) @ np.eye(2, 3) * near[:, None]), 0.0
+    return w.feel(station=rng.amplitude(1e-4, (2,)) @ np.eye(2, 3) * near[:, None]), 0.0
 
 
 def _slides(w: World, rng: Scaled) -> tuple[Any, Any]:

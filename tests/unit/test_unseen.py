@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 import scipy
 
+from station.diagnosis.candidates.bank import candidates
 from station.diagnosis.candidates.kernels import NEST_STATE, STATE
+from station.diagnosis.candidates.nuisance import accept_candidate
 from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.search.alarm import UNKNOWN_NATS
 from station.diagnosis.search.hidden_state import find_states
-from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.problem import FloorAllowance, initial_problem, refined
 from station.diagnosis.search.ripple import MOST_VISITS, find_ripple
 from station.diagnosis.search.unseen import NOTHING, Unseen
 from station.domain.core.types import Floats, SampleTable
+from station.model.effects.settling import Settling
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, Scaled, World, hide
-from tests.blind.recipes import recipe
+from tests.blind.hidden import KNOWN
+from tests.blind.recipes import recipe, six_faces
 
 
 def _found(table: SampleTable) -> tuple[Unseen, Unseen, Unseen]:
@@ -104,6 +109,16 @@ def test_noise_of_any_colour_is_no_ripple(colour: Callable[[Floats], Floats], rn
         noisy = replace(table, reading=table.reading + 1e-3 * added / added.std())
         # Noise goes beyond this in one of 10,000 sets.
         assert max(found.surprise for found in _found(noisy)) < 4.0
+
+
+def test_beside_what_moves_within_dwells_noise_is_no_state_either() -> None:
+    """The contrasts of the dwells, which are looked at beside it, are no visits."""
+    faces = six_faces("shuffled")
+    table, _ = hide(faces, KNOWN["settling"], 54, units=3, floor=WHITE, d=30.0)
+    problem = initial_problem(reduce_samples(faces, table), FloorAllowance.of(faces, Model()))
+    settles = candidates(Settling.example(), problem.view)[0]
+    beside = refined(problem.with_accepted([accept_candidate(settles, np.ones(len(settles.names), bool), 1e-3)]))
+    assert max(found.nats for found in find_states(beside, beside.fit().floor).values()) < UNKNOWN_NATS
 
 
 def test_runs_too_long_to_be_white_are_left_out() -> None:

@@ -34,8 +34,8 @@ RATIOS, DIRECTION_NATS = np.geomspace(0.05, 20.0, 14), 2.0
 MEDIAN_LENGTH, MOST_LENGTH = 1.538, 3.5
 #: A visit shows nothing of a turn whose effect there is less than this share of the largest.
 LEAST_SHARE = 0.05
-#: Sets of noise that are drawn; visits of the longest run, and units of which a state is looked for.
-DRAWN, LEAST_VISITS, MOST_VISITS, MOST_UNITS = 256, 4, 120, 24
+#: Sets of noise that are drawn; visits of the longest run, and units of which a state is looked for; free numbers.
+DRAWN, LEAST_VISITS, MOST_VISITS, MOST_UNITS, LEAST_NUMBERS = 256, 4, 120, 24, 4
 
 
 def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
@@ -54,8 +54,13 @@ def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]
     noise = space.free(rng.standard_normal((*space.live.shape, DRAWN)) * space.live[..., None])
     # The readings themselves are the last of all sets.
     sets = np.concatenate([noise, space.residual[..., None]], axis=2)
-    e = _calmed(sets[:, : slot[0].size * 3].reshape(*slot.shape, 3, -1), slot)
-    return nothing | {name: frame.found(e, slot, space.dof) for name, frame in _frames(problem, visits, slot)}
+    rows = slot[0].size * 3
+    e = _calmed(sets[:, :rows].reshape(*slot.shape, 3, -1), slot)
+    # Beside what moves within the dwells their contrasts are there, too, and are no visits.
+    dof = space.dof - int(np.count_nonzero(space.live[:, rows : rows + space.dwell]))
+    if dof < LEAST_NUMBERS:
+        return nothing
+    return nothing | {name: frame.found(e, slot, dof) for name, frame in _frames(problem, visits, slot)}
 
 
 def _frames(
