@@ -26,6 +26,8 @@ ALIKE, MOST_KINDS = 0.05, 7
 DWELL_ROUNDS, SAMPLE_ROUNDS, LINE_ROUNDS = 12, 20, 3
 #: Noises of a sample that a bit weighs if it moves a mean at all, and if samples lie on one side or the other.
 LEAST_WEIGHT, APART = 1.0, 4.0
+#: Of the density at a dwell's mean, that of any sample far away; and twice the nats from which samples settle it.
+STRAY_DENSITY, PLAIN = 1e-3, 16.0
 #: Dwells that lie further, beside the weight, from where they should with and without it follow no pose that is known.
 FOLLOWED = 0.35
 
@@ -83,19 +85,33 @@ class Dwells(NamedTuple):
         mean, fitted, kind = self.mean(axis, shift), self.line(axis, shift), _kinds(self.true[:, axis], self.size)
         free = max(len(mean) - 4, 1)
         straight = fitted(np.bincount(self.where, self.reading[:, axis]) / np.bincount(self.where))[1]
-        best, least = self.true[:, axis], np.inf
+        told = self._told_by_samples(axis, shift, mean)
+        best, least, lowest = self.true[:, axis], np.inf, np.inf
         for some in product((0.0, shift), repeat=int(kind.max()) + 1):
-            moved = np.array(some)[kind]
+            moved = np.where(np.abs(told) > PLAIN, shift * (told > 0), np.array(some)[kind])
             for _ in range(DWELL_ROUNDS):
                 should, left = fitted(mean + moved)
                 nearer = shift * (np.abs(mean + shift - should) < np.abs(mean - should))
+                nearer = np.where(np.abs(told) > PLAIN, moved, nearer)
                 if np.array_equal(nearer, moved):
                     break
                 moved = nearer
-            if left < least:
-                best, least = should, left
+            if (cost := left - float(np.sum(told * (moved != 0.0)))) < lowest:
+                best, least, lowest = should, left, cost
         ratio = max(straight, free) / max(least, free)
         return best, 0.5 * free * float(np.log(ratio)) - (int(kind.max()) + 1) * float(np.log(2))
+
+    def _told_by_samples(self, axis: int, shift: float, mean: Floats) -> Floats:
+        """Twice the nats by which the samples of each dwell (v) say that it lies at its mean + shift, and not there:
+        where an edge of the bit parts them, those on one side of it are shifted, and which side differs from edge to
+        edge."""
+        noise = self.noise(axis, shift)
+        off = (self.reading[:, axis] - mean[self.where]) / noise
+        place = np.array([-1.0, 0.0, 1.0])[:, None] * shift / noise
+        beside, here, beyond = np.exp(-0.5 * (off - place) ** 2) + STRAY_DENSITY
+        # Shifted, samples come from here or beyond; a dwell at its mean has them there or a shift below.
+        at_mean, moved = np.log(beside + here), np.log(here + beyond)
+        return np.asarray(2 * np.bincount(self.where, moved - at_mean))
 
     def share_shifted(self, axis: int, shift: float, noise: float) -> Floats:
         """How likely each sample (n) of an axis was shifted; 0 where the dwells follow no pose that is known."""
