@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from station.diagnosis.data.faults import GrossFault, inspect
+from station.diagnosis.data.faults.clipping import _limits
 from station.diagnosis.data.faults.matched_spectrum import MatchedSpectrum
 from station.diagnosis.data.faults.motor_tone import ONE_DWELL
 from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
@@ -222,6 +223,23 @@ def test_steps_as_coarse_as_the_noise_hide_no_clipping_and_are_none(step: float)
     for reading, clips in ((made.reading, False), (cut, step < 2)):
         faults = found(replace(made, reading=np.round(reading / lsb) * lsb), coarse)
         assert ("clipping" in faults) == clips
+
+
+def test_few_samples_at_one_step_by_chance_are_no_limit() -> None:
+    """Six short stops whose steps are .4 to 1.3 noises: of the samples of some visit a third stand at the extreme now
+    and then."""
+    rng = np.random.default_rng(1)
+    visit = np.repeat(np.arange(6), 24)
+    faces = 3000.0 * np.concatenate([np.eye(3), -np.eye(3)])[visit]
+    hits = [0, 0]
+    for step in rng.uniform(0.4, 1.3, 400):
+        reading = faces + rng.normal(0, 30, (6, 3))[visit] + rng.standard_normal(faces.shape)
+        grid = np.round(reading / step) * step
+        for i, made in enumerate((grid, np.minimum(grid, np.round(2900 / step) * step))):
+            hits[i] += bool(np.isfinite(_limits(made, visit)).any())
+    # Of a campaign's units not one in a thousand.
+    assert hits[0] <= 1
+    assert hits[1] >= 395
 
 
 def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:

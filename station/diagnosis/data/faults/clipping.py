@@ -20,6 +20,8 @@ CLIPPED_SHARE, COMMON_SHARE = 0.3, 0.15
 #: Up to this share, which steps of 1.45 noises make, a visit is clipped where nearly all of so many samples are at the
 #: extreme: no noise puts more than half of them into one step.
 COARSE_SHARE, WHOLE_SHARE, MIN_WHOLE_SAMPLES = 0.4, 0.9, 16
+#: How often noise may put so many samples of any visit of a unit at an extreme.
+CHANCE = 1e-3
 #: Where no step of the output is known readings are told apart to this share of their noise.
 RESOLUTION_SHARE = 1e-3
 #: Samples that must be clipped.
@@ -63,6 +65,9 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     if np.isfinite(repeat).any():  # an axis that only ever stands at one of two ends is judged by the others
         repeat = np.where(np.isnan(repeat) & (extremes[0] < extremes[1]), np.nanmedian(repeat), repeat)
     noisy = repeat < COARSE_SHARE
+    # Neighbours repeat as often as Σ p², of normal noise the commonest value's p by √2.
+    commonest = np.minimum(np.sqrt(2) * np.nan_to_num(repeat), 1.0)
+    hit &= scipy.special.bdtrc(share * count - 1, count, commonest) * share.size < CHANCE
     whole = (share > WHOLE_SHARE) & (share * count >= MIN_WHOLE_SAMPLES)
     found = np.where(repeat < COMMON_SHARE, hit.any(axis=1), (hit & whole).any(axis=1)) & noisy
     # What reaches a limit of the unit and seldom stands there is cut off by the same.
