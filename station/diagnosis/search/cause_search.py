@@ -8,6 +8,7 @@ from station.diagnosis.search.alarm import UNKNOWN_NATS, NullDistribution
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.cause_chains import Chain, chain, in_parts
 from station.diagnosis.search.certainty import as_certain_together
+from station.diagnosis.search.extent import ranks_in_extent
 from station.diagnosis.search.finding import CauseFinding, depends_on, is_unknown, unknown_finding
 from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel, compare_laws_with_scatter
 from station.diagnosis.search.other_starts import best_of_starts
@@ -106,6 +107,9 @@ def _one_after_another(search: CauseSearch, law_of: LawFactory | None) -> tuple[
         ranks = search.ranks(state, [f.name for f, _ in found])
         first = first or ranks
         cause, kernel = leaders(ranks)
+        if cause is not None and kernel is not None and is_unknown(kernel.evidence, cause.evidence):
+            ranks = ranks_in_extent(state.problem, [s.bank for s in state.now.projected], ranks, state.now.floor)
+            cause, kernel = leaders(ranks)
         if not found and kernel is not None and law_of is not None:
             law = law_of(search, 0.0 if cause is None else cause.evidence, kernel.evidence)
             if law is not None and law.is_whole:

@@ -30,6 +30,7 @@ from station.diagnosis.candidates.order_kernels import came_from
 from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, laws_within_dwells, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.extent import Extent, best_extent
 from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.law_chance import chance_of_lead
 from station.diagnosis.search.problem import refined
@@ -99,8 +100,12 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iter
         *_forms(problem.accepted[i].candidate, bare.view),
         *(c for name in alike for c in _shapes(name, bare.view)),
     ]
+    laws: Iterable[Candidate] = rival_laws(bare.view, problem.accepted[i].in_view(bare.view))
+    if (extent := best_extent(bare, known[:1], floor)) is not None:
+        # What acts on one axis alone, or in one unit, is compared with the laws of that, too.
+        known += [cut for form in known if (cut := extent.of(form)) is not None]
+        laws = chain.from_iterable((law, *_cut(law, extent)) for law in laws)
     forms = [replace(c, name=f"cause/{k}") for k, c in enumerate(known)]
-    laws = rival_laws(bare.view, problem.accepted[i].in_view(bare.view))
     promising = _promising(bare, forms, laws, floor)
     ranks = _ranked(bare, forms, promising, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
@@ -111,6 +116,12 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iter
     found = max((found, *_fading(problem, i, floor), *coming), key=lambda laws: laws.lead)
     in_order = _follows_order(problem.accepted[i].candidate, bare.view)
     return replace(found, lead=max(found.lead, 0.0)) if in_order else found
+
+
+def _cut(law: Candidate, extent: Extent) -> Iterator[Candidate]:
+    """A law in an extent alone, where it can be cut so."""
+    if (cut := extent.of(law)) is not None:
+        yield replace(cut, name=f"{law.name}/cut")
 
 
 def _within_form_error(nats: float) -> float:

@@ -1,0 +1,67 @@
+"""Causes and kernels on one axis, or in one unit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from station.config.recipes import load_recipe
+from station.diagnosis.candidates.bank import candidates
+from station.diagnosis.candidates.input_kernels import functions_of_input
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.search.extent import Extent, best_extent, extents
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import Floats
+from station.model.effects.asymmetry import Asymmetry
+from station.model.effects.cross_axis import CrossAxis
+from station.model.model_file import Model
+from station.model.simulate import SimulationJob, simulate
+
+UNITS, SIZE = 6, 5e-4
+
+
+def six_faces(acts: Floats) -> ScoringProblem:
+    """Six faces by six units, whose gains differ from side to side where they act (units, 3)."""
+    recipe = load_recipe("six-point")
+    table = simulate(SimulationJob(recipe, tuple(f"SN{i}" for i in range(UNITS)), seed=11)).table
+    coefficient = SIZE * np.random.default_rng(2).standard_normal((UNITS, 3)) * acts
+    reading = table.reading + coefficient[table.unit.code] * np.abs(table.reading)
+    return initial_problem(reduce_samples(recipe, replace(table, reading=reading)), FloorAllowance.of(recipe, Model()))
+
+
+def best_of_asymmetry(problem: ScoringProblem) -> Extent | None:
+    return best_extent(problem, candidates(Asymmetry.example(), problem.view), problem.fit().floor)
+
+
+@pytest.mark.parametrize(("acts", "where"), [(np.eye(3)[1], 1), (np.eye(UNITS)[4][:, None], 3 + 4), (1.0, None)])
+def test_a_cause_is_looked_at_where_it_acts(acts: Floats, where: int | None) -> None:
+    problem = six_faces(np.broadcast_to(acts, (UNITS, 3)))
+    found = best_of_asymmetry(problem)
+    if where is None:
+        assert found is None
+    else:
+        assert found is not None
+        assert np.array_equal(found.weight, extents(problem.view)[where].weight)
+
+
+def test_what_turns_axes_into_each_other_is_on_no_axis_alone() -> None:
+    view = six_faces(np.zeros((UNITS, 3))).view
+    of_axis, of_unit = extents(view)[0], extents(view)[4]
+    for one in candidates(CrossAxis.example(), view):
+        assert of_axis.of(one) is None
+        cut = of_unit.of(one)
+        assert cut is not None
+        assert np.array_equal(np.any(cut.visit, axis=(1, 2)), view.scene.visits.unit.code == 1)
+
+
+def test_forms_of_the_last_digits_of_a_pose_are_none() -> None:
+    """Six faces, turned there by quaternions of twelve digits: what an axis feels of the others is no form of it."""
+    view = six_faces(np.zeros((UNITS, 3))).view
+    visits, error = view.scene.visits, 1e-12 * np.random.default_rng(3).standard_normal((len(view.stimulus), 3, 3))
+    rounded = replace(view.scene, visits=replace(visits, nest_R=visits.nest_R + error))
+    there = replace(view, reduced=replace(view.reduced, scene=rounded))
+    assert not np.array_equal(there.stimulus, view.stimulus)
+    forms = [list(functions_of_input(x.nominal_stimulus)) for x in (view, there)]
+    for one, other in zip(*forms, strict=True):
+        assert np.array_equal(one != 0.0, other != 0.0)
