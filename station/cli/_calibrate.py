@@ -15,7 +15,7 @@ from station.cli._calibrate_json import CalibrationJsonWriter
 from station.cli._calibrate_table import CalibrationSummary
 from station.config.products import load_product
 from station.config.recipes import load_recipe, recipe_path
-from station.diagnosis.data import input_checks, preflight
+from station.diagnosis.data import input_checks, preflight, stays
 from station.diagnosis.data.family import Family
 from station.diagnosis.data.preflight import Preflight
 from station.domain.core.types import Floats, Outcome, SampleTable
@@ -122,11 +122,11 @@ def _check_ellipsoid(recipe: Recipe, result: CalibrationResult) -> None:
 
 
 def _inspected(recipe: Recipe, samples: Path, checked: list[Preflight]) -> Iterator[SampleTable]:
-    """The portions of a table without the visits that the preflight leaves out."""
+    """The portions of a table without the visits that the preflight leaves out, pieces of one rest joined."""
     for table in by_units(samples):
         found, cleaned = preflight.inspect(recipe, table)
         checked.append(found)
-        yield cleaned
+        yield stays.whole_rests(recipe, cleaned)
 
 
 def _rounding(recipe: Recipe, path: Path) -> Floats:

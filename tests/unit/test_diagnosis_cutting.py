@@ -7,7 +7,7 @@ import pytest
 
 from station.diagnosis.data.faults import clock
 from station.diagnosis.data.preflight import PARTLY, inspect
-from station.diagnosis.data.stays import recut
+from station.diagnosis.data.stays import recut, whole_rests
 from station.domain.core.types import Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from tests.blind.recipes import recipe
@@ -165,6 +165,10 @@ def test_the_rests_of_a_tumble_are_a_visit_each_however_they_are_cut(cut_s: floa
     for pose in ("unknown", "known"):
         held = fast().model_copy(update={"reference": fast().reference.model_copy(update={"pose": pose})})
         assert np.array_equal(recut(held, made).table.visit, rest)
+        assert np.array_equal(whole_rests(held, made).visit, rest)
+        # Stamps of a clock that ticks half as often as readings come.
+        coarse = replace(made, time_s=np.floor(made.time_s / 0.02) * 0.02)
+        assert np.array_equal(recut(held, coarse).table.visit, rest)
 
 
 def test_the_deviation_of_a_rate_is_that_of_its_measurement() -> None:

@@ -73,6 +73,26 @@ def stretches(recipe: Recipe, table: SampleTable) -> SampleTable:
     return _recut(recipe, table, begins, np.zeros(0, np.intp), period).table
 
 
+def whole_rests(recipe: Recipe, table: SampleTable) -> SampleTable:
+    """A sorted table in which the pieces of each rest of a tumble are one visit, as they are for a diagnosis: their
+    errors are one error. As it came where no rest was cut, or the unit was not turned from one to the next."""
+    first = _first_rows(table)
+    joined = _joined(recipe, table, first, _period(table, first))
+    begins = first[np.r_[True, ~joined]]
+    if not joined.any() or not _are_rests(table, begins):
+        return table
+    stay = np.searchsorted(begins, np.arange(len(table)), side="right") - 1
+    return replace(table, visit=_renumbered(table, stay, np.zeros(len(table), np.int64), np.ones(len(begins), bool)))
+
+
+def _are_rests(table: SampleTable, begins: Rows) -> bool:
+    """Whether stays that begin at rows (k) are rests of units that were turned from one to the next."""
+    last = np.append(begins[1:], len(table)) - 1
+    rests = np.bincount(table.unit.code[begins])
+    longest = float((table.time_s[last] - table.time_s[begins]).max())
+    return longest <= LONGEST_REST_S and int(rests[rests > 0].min()) >= LEAST_RESTS
+
+
 def _recut(recipe: Recipe, table: SampleTable, stays: Rows, steps: Rows, period: float) -> Recut:
     """A sorted table whose stays begin at rows (k) and also end at the rows of steps."""
     first = _first_rows(table)
@@ -155,7 +175,8 @@ def _period(table: SampleTable, first: NDArray[np.intp]) -> float:
     inside = np.ones(len(table), bool)
     inside[first] = False
     gaps = np.diff(table.time_s, prepend=table.time_s[:1])[inside]
-    return float(np.median(gaps)) if len(gaps) else 0.0
+    # Stamps coarser than the rate stand still from sample to sample.
+    return float(np.median(gaps) or np.mean(gaps)) if len(gaps) else 0.0
 
 
 def _joined(recipe: Recipe, table: SampleTable, first: NDArray[np.intp], period: float) -> NDArray[np.bool_]:
