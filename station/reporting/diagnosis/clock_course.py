@@ -51,7 +51,8 @@ def figure(found: ClockCourse, effect: str) -> str:
                high=(mean + wide).tolist()),
     )  # fmt: skip
     title = report_text("figure-clock", effect=effect, name=found.unit)
-    return svg(Figure(title, report_text("axis-clock"), unit, series, width=760, height=360))
+    along, up = report_text("axis-clock"), report_text("axis-ahead", unit=unit)
+    return svg(Figure(title, along, up, series, width=760, height=360))
 
 
 def _groups(at: Floats, value: Floats) -> tuple[Floats, Floats, Floats]:

@@ -141,7 +141,8 @@ def samples_figure(found: DwellSamples, cause: Mapping[str, Any], unit: str) -> 
         ),
     )
     title = report_text("figure-samples", effect=cause["effect"], axis=found.axis, name=found.unit)
-    return svg(Figure(title, report_text("axis-samples"), words, series, width=760, height=360))
+    along, up = report_text("axis-samples"), report_text("axis-about-median", unit=words)
+    return svg(Figure(title, along, up, series, width=760, height=360))
 
 
 def _scatter_figure(data: ReportData, effect: str) -> CaptionedFigure | None:
