@@ -297,7 +297,8 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
     values, turn = eigenvectors(normal)
     retained, clear = values < p + 0.5, np.all(values > WELL_CONDITIONED, axis=1)
     # The square of the condition is far from the rounding: no singular values are needed.
-    basis = scaled @ (turn / np.where(retained, np.sqrt(np.abs(values)), np.inf)[:, None, :])
+    # A value of 0 is of columns that tell the same; their unit goes the other way.
+    basis = scaled @ (turn / np.where(retained & (values > 0), np.sqrt(np.abs(values)), np.inf)[:, None, :])
     retained &= clear[:, None]
     rank, logdet = int(np.count_nonzero(retained)), float(np.sum(np.log(values[retained])))
     if not clear.all():
