@@ -33,6 +33,8 @@ from station.domain.core.types import Floats
 from station.domain.recipe.blocks import DwellRule
 from station.domain.recipe.recipe import Recipe
 from station.model.effects.cubic import Cubic
+from station.model.effects.disturbed_visit import DisturbedVisit
+from station.model.effects.hysteresis import Hysteresis
 from station.model.formula.term import Term
 from station.model.model_file import Model
 from tests.blind.bench import Hidden, World, hide
@@ -272,16 +274,33 @@ def bent_alike(w: World, rng: Any) -> tuple[Floats, Floats]:
 
 
 def test_what_units_share_and_what_each_has_beside_it_confirm_each_other() -> None:
-    """Either is half of the other: held out alone, one of them gains nothing."""
+    """Either is half of the other: they are counted together."""
     problem = problem_of(bent_alike, 320 + SEED, units=6, d=20.0)
     floor = problem.fit().floor
     own = [c for c in candidates(Cubic.example(), problem.view) if c.of in ("common", "unit")]
     now = score_bank(problem, [build_bank(own, problem.view.layout, moving=False)], floor)
     both = refined(problem.with_accepted([now.accept(c, problem.view) for c in own]))
-    assert not all(held_out_gain(both, i, floor).accepted for i in range(2))
     gains = [_gain(both, 0, i, floor) for i in range(2)]
     assert gains[0] == gains[1]
     assert gains[0].accepted
+
+
+@pytest.mark.parametrize("turn", [2e-3, 2e-2])
+def test_a_bumped_visit_takes_nothing_from_what_another_cause_gains(turn: float) -> None:
+    """What a bumped visit reads, once it is held out, no other visit tells."""
+    kind = recipe(1)
+    table, _ = hide(kind, KNOWN["hysteresis"], 340 + SEED, units=2, d=14.0)
+    hit = (table.unit.code == 1) & (table.visit == 7)
+    turned = np.cross(table.reading[hit].mean(0), np.array([turn, -turn, turn]))
+    table = replace(table, reading=table.reading + hit[:, None] * turned)
+    problem = initial_problem(reduce_samples(kind, table), FloorAllowance.of(kind, Model()))
+    floor = replace(problem.fit().floor, noise=problem.view.sigma / np.sqrt(problem.view.reduced.count.sum(1).mean()))
+    (own,) = [c for c in candidates(Hysteresis.example(), problem.view) if c.of == "unit"]
+    (bump,) = candidates(DisturbedVisit.example(), problem.view)
+    items = [accept_candidate(own, np.ones(2, bool), 1e-3), accept_candidate(bump, np.arange(48) == 24 + 7, turn)]
+    gain = held_out_gain(problem.with_accepted(items), 0, floor)
+    assert gain.log_score == pytest.approx(98.0, abs=4 * gain.std_error)
+    assert gain.std_error < 40.0
 
 
 def test_a_formula_that_writes_a_cause_with_other_coefficients_takes_no_place_of_it() -> None:

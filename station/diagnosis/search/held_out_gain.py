@@ -1,9 +1,15 @@
 """What a cause gains on data it was not fitted to.
 
 The white rows of the visits are independent, so a part of them can be held out and predicted from the rest. What is
-held out depends on the cause: visits where each unit has its own coefficient, units where all share one (the held-out
-unit then keeps only its own calibration), samples where a single visit is hit. The score is logarithmic. Its standard
-error is that of the sum of the paired differences of the visits or, where few of them move, that of their white noise.
+held out depends on the cause: visits where each unit has its own coefficient, units where all share one, samples where
+a single visit is hit. The score is logarithmic. Its standard error is that of the sum of the paired differences of the
+visits or, where few of them move, that of their white noise.
+
+The numbers of the cause are those that the rest tells. Of calibrations and other causes the rest may tell nothing: of
+a bumped visit that is held out, of the offsets of runs that walk, of a position met once. So the prediction is as wide
+as they leave it: with r what the rest leaves of the held-out rows, S their covariance given the rest and e what a fit
+to all rows leaves of them, S⁻¹r = e, and the score is −½ rᵀS⁻¹r = −½ rᵀe. With the cause, its prediction is taken off
+the readings first, so that S is the same on both sides.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,11 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS
 from station.diagnosis.candidates.nuisance import AcceptedCause
-from station.diagnosis.candidates.solve import NuisanceSolution, solve, whitened
+from station.diagnosis.candidates.solve import NuisanceSolution, WhiteRows, solve, whitened
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.projection import NuisanceColumns
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Floats
 
@@ -74,19 +82,18 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
         bare = bare.without(i)
     moving = any(item.candidate.moving for item in items) or bare.known.moving
     fresh = [replace(item, coefficient=np.zeros(item.coefficient.shape)) for item in items]
-    sides = (bare, bare.with_accepted([*bare.accepted, *fresh]))
     by = _held_out_by(problem, items[0])
-    tests = [_HeldOutTest(side, floor, moving=moving) for side in sides]
+    test = _HeldOutTest(bare, bare.with_accepted([*bare.accepted, *fresh]), len(fresh), floor, moving=moving)
     score = np.zeros(problem.view.grid.slot.shape)
     squares, rows, moved = np.zeros(2), 0.0, np.zeros(score.shape)
     for held in _folds(problem, by):
-        both = [test.predicted(held, by) for test in tests]
+        both = test.split_by_noise(held) if by == "sample" else test.predicted(held)
         score += both[0].half_squares - both[1].half_squares
         squares += [p.raw for p in both]
-        moved += tests[0].by_visit((both[0].rows - both[1].rows) ** 2)
-        rows += tests[0].size(held)
+        moved += test.by_visit((both[0].rows - both[1].rows) ** 2)
+        rows += test.size(held)
     before, after = np.sqrt(squares / max(rows, 1.0))
-    floor_rms = tests[0].floor_rms(floor)
+    floor_rms = test.floor_rms(floor)
     above = before**2 - floor_rms**2
     explained = float(np.clip((before**2 - after**2) / above, 0.0, 1.0)) if above > 0 else 0.0
     visits = score[problem.view.grid.slot >= 0]
@@ -152,100 +159,125 @@ class _Prediction(NamedTuple):
 
 
 class _HeldOutTest:
-    """One side of the comparison, ready to be fitted to a part of the data and judged by the rest."""
+    """A comparison, ready to be fitted to a part of the data and judged by the rest: bare without the causes under
+    test, whole with them, so many, as the last that it accepts."""
 
-    def __init__(self, side: ScoringProblem, floor: NoiseFloor, *, moving: bool) -> None:
-        self.side = side
-        self.readings, _ = side.readings(moving=moving)
-        self.covariance = side.structure.covariance(floor.variances)
-        self.white = whitened(self.covariance, side.known, self.readings)
-        r = side.view.reduced
-        self.count = side.view.grid.spread(
-            np.broadcast_to(r.count.sum(1)[:, None, None], (len(r.mean), side.view.grid.k, 1))
+    def __init__(
+        self, bare: ScoringProblem, whole: ScoringProblem, tested: int, floor: NoiseFloor, *, moving: bool
+    ) -> None:
+        self.bare = bare
+        self.readings, _ = bare.readings(moving=moving)
+        covariance = bare.structure.covariance(floor.variances)
+        self.white, self.whole = (whitened(covariance, side.known, self.readings) for side in (bare, whole))
+        self._columns = _tested_columns(whole, tested, self.white.own.shape[-1])
+        self._known = bare.known, whole.known
+        self._all = solve(self.white)
+        r = bare.view.reduced
+        self.count = bare.view.grid.spread(
+            np.broadcast_to(r.count.sum(1)[:, None, None], (len(r.mean), bare.view.grid.k, 1))
         )
 
-    def predicted(self, held: Floats, by: str) -> "_Prediction":
-        """What is left of the held-out visits."""
-        held_rows = self._rows(held)
-        if by == "sample":
-            return self._split_by_noise(held)
-        solved = solve(self.white, 1 - (1 - HELD_WEIGHT) * held_rows)
-        if by == "unit":
-            solved = self._recalibrated(solved)
-        white = self.white.residual(solved) * held_rows
-        return _Prediction(0.5 * self.by_visit(white**2), self._measured(white), self._raw(solved, held))
+    def predicted(self, held: Floats) -> tuple["_Prediction", "_Prediction"]:
+        """What is left of the held-out visits, without the causes and with them."""
+        rows = self._rows(held, self.white)
+        kept = [solve(white, 1 - (1 - HELD_WEIGHT) * self._rows(held, white)) for white in (self.white, self.whole)]
+        rest = [self._measured(w.residual(s)) for w, s in zip((self.white, self.whole), kept, strict=True)]
+        own, shared = self._columns
+        told = replace(kept[1], own=np.where(own, kept[1].own, 0.0), shared=np.where(shared, kept[1].shared, 0.0))
+        data = self.white.data.copy()
+        measured = self._measured(data)
+        measured -= self._measured(self.whole.data - self.whole.residual(told))
+        without = replace(self.white, data=data)
+        solved = solve(without)
+        fits = self.white.residual(self._all), without.residual(solved)
+        made = []
+        for left, fitted, others, cause in zip(rest, fits, (self._all, solved), (None, told), strict=True):
+            e = self._measured(fitted) * self._measured(rows)
+            # What of the held-out rows' squares a fit to all of them hides, each fold as a whole.
+            wide = float(np.sum(left * e)) / max(float(np.sum(e**2)), 1e-300)
+            white = e * np.sqrt(max(wide, 0.0))
+            terms = [(self._known[0], others)] + ([] if cause is None else [(self._known[1], cause)])
+            raw = self._raw(terms, held) * max(wide, 0.0)
+            made.append(_Prediction(0.5 * self.by_visit(white**2), white, raw))
+        return made[0], made[1]
 
-    def _split_by_noise(self, held: Floats) -> "_Prediction":
+    def split_by_noise(self, held: Floats) -> tuple["_Prediction", "_Prediction"]:
         """The same for one visit. Adding and subtracting noise makes two independent data sets of twice the variance;
         one is fitted and the other judged, and vice versa (data fission, Leiner et al. 2023). Several such pairs are
         averaged, so that hardly anything depends on the noise added."""
-        rng = np.random.default_rng(0)
-        squares: Floats = np.zeros(self.side.view.grid.slot.shape)
-        for _ in range(FISSIONS):
-            noise = rng.standard_normal(self.white.data.shape)
-            ends = [replace(self.white, data=self.white.data + s * noise) for s in (1, -1)]
-            for fitted, judged in (ends, ends[::-1]):
-                squares = squares + 0.25 * self.by_visit(judged.residual(solve(fitted)) ** 2) / FISSIONS
-        solved = solve(self.white)
-        return _Prediction(squares, self._measured(self.white.residual(solved)), self._raw(solved, held))
+        made = []
+        for white, known in zip((self.white, self.whole), self._known, strict=True):
+            rng = np.random.default_rng(0)
+            squares: Floats = np.zeros(self.bare.view.grid.slot.shape)
+            for _ in range(FISSIONS):
+                noise = rng.standard_normal(white.data.shape)
+                ends = [replace(white, data=white.data + s * noise) for s in (1, -1)]
+                for fitted, judged in (ends, ends[::-1]):
+                    squares = squares + 0.25 * self.by_visit(judged.residual(solve(fitted)) ** 2) / FISSIONS
+            solved = solve(white)
+            raw = self._raw([(known, solved)], held)
+            made.append(_Prediction(squares, self._measured(white.residual(solved)), raw))
+        return made[0], made[1]
 
     def _measured(self, rows: Floats) -> Floats:
         """White rows (U, M) without those of the priors."""
         return rows[:, : self.white.visits + self.white.dwell]
 
-    def _recalibrated(self, solved: NuisanceSolution) -> NuisanceSolution:
-        """Shared coefficients as solved, each unit's own ones fitted to all of its rows."""
-        bare = replace(
-            self.white, data=self.white.data - self.white.shared @ solved.shared, shared=self.white.shared[..., :0]
-        )
-        return replace(solved, own=solve(bare).own)
-
-    def _rows(self, visits: Floats) -> Floats:
-        """A value of each visit (U, R, V) for each of its white rows (U, M), 0 for those of the priors."""
+    def _rows(self, visits: Floats, white: WhiteRows) -> Floats:
+        """A value of each visit (U, R, V) for each of the white rows (U, M), 0 for those of the priors."""
         U = len(visits)
         flat = visits.reshape(U, -1)
-        visit = np.repeat(flat, self.white.visits // flat.shape[1], axis=1)
-        dwell = np.repeat(flat, self.white.dwell // flat.shape[1], axis=1)
-        rest = np.zeros((U, self.white.data.shape[1] - visit.shape[1] - dwell.shape[1]))
+        visit = np.repeat(flat, white.visits // flat.shape[1], axis=1)
+        dwell = np.repeat(flat, white.dwell // flat.shape[1], axis=1)
+        rest = np.zeros((U, white.data.shape[1] - visit.shape[1] - dwell.shape[1]))
         return np.concatenate([visit, dwell, rest], axis=1)
 
     def by_visit(self, rows: Floats) -> Floats:
         """White rows (U, M), with those of the priors or without, summed up by visit (U, R, V)."""
-        U, R, V = self.side.view.grid.slot.shape
+        U, R, V = self.bare.view.grid.slot.shape
         a, b = self.white.visits, self.white.visits + self.white.dwell
         parts = (rows[:, :a], rows[:, a:b])
         return np.asarray(sum(p.reshape(U, R, V, -1).sum(3) for p in parts if p.shape[1]))
 
-    def _raw(self, solved: NuisanceSolution, held: Floats) -> float:
-        """Sum of squares of the held-out readings without what is predicted: of means, or of all samples' blocks."""
-        known, readings = self.side.known, self.readings
+    def _raw(self, terms: Sequence[tuple[NuisanceColumns, NuisanceSolution]], held: Floats) -> float:
+        """Sum of squares of the held-out readings without such terms: of means, or of all samples' blocks."""
         U, R, V = held.shape
-        visit = (
-            readings.visit[..., 0]
-            - np.einsum("urmp,up->urm", known.own.visit, solved.own)
-            - known.shared.visit @ solved.shared
-        )
-        squares = (visit**2 * (1.0 if readings.dwell is None else self.count[..., 0])).reshape(U, R, V, -1).sum(3)
-        if readings.dwell is not None:
-            dwell = readings.dwell[..., 0]
+        visit, dwell = self.readings.visit[..., 0], self.readings.dwell
+        rest = None if dwell is None else dwell[..., 0]
+        for known, solved in terms:
+            visit = visit - np.einsum("urmp,up->urm", known.own.visit, solved.own) - known.shared.visit @ solved.shared
             for rows, c in ((known.own.dwell, solved.own[:, :, None]), (known.shared.dwell, solved.shared[:, None])):
-                dwell = dwell if rows is None else dwell - (rows @ c)[..., 0]
-            squares = squares + (dwell**2).reshape(U, R, V, -1).sum(3) * self.side.view.sigma**2
+                rest = rest if rest is None or rows is None else rest - (rows @ c)[..., 0]
+        squares = (visit**2 * (1.0 if rest is None else self.count[..., 0])).reshape(U, R, V, -1).sum(3)
+        if rest is not None:
+            squares = squares + (rest**2).reshape(U, R, V, -1).sum(3) * self.bare.view.sigma**2
         return float(np.sum(squares * held))
 
     def size(self, held: Floats) -> float:
         """How many readings the sum of squares is of."""
         if self.readings.dwell is None:
-            return float(held.sum()) * self.side.view.grid.k
+            return float(held.sum()) * self.bare.view.grid.k
         U, R, V = held.shape
         return float(np.sum(self.count.reshape(U, R, V, -1).sum(3) * held))
 
     def floor_rms(self, floor: NoiseFloor) -> float:
         """Rms of what the floor alone would leave."""
-        diagonal = self.side.structure.visit_variance(floor.variances)[self.side.structure.member]
+        diagonal = self.bare.structure.visit_variance(floor.variances)[self.bare.structure.member]
         live = self.count[..., 0] > 0
         if self.readings.dwell is None:
             return float(np.sqrt(diagonal[live].mean()))
         inside = 3 * np.count_nonzero(self.readings.dwell) / 3
-        total = float(np.sum(diagonal * self.count[..., 0])) + inside * self.side.view.sigma**2
+        total = float(np.sum(diagonal * self.count[..., 0])) + inside * self.bare.view.sigma**2
         return float(np.sqrt(total / self.count.sum()))
+
+
+def _tested_columns(whole: ScoringProblem, tested: int, others: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which own (p) and shared (c) columns are those of the causes that were accepted last, so many, and of the errors
+    of their covariates, which stand at the end: all but the others' own columns."""
+    own = np.zeros(whole.known.own.visit.shape[-1], bool)
+    shared = np.zeros(whole.known.shared.visit.shape[-1], bool)
+    for place in whole.places[len(whole.places) - tested :]:
+        (own if place.own else shared)[place.column[place.column >= 0]] = True
+    blurs = len(own) - others - int(own.sum())
+    own[len(own) - blurs :] = True
+    return own, shared
