@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidates
 from station.diagnosis.candidates.columns import CauseColumns
@@ -50,6 +51,8 @@ STAYS = (2.5, 4.5, 8.5)
 LEVEL = 1e-6
 #: So many times such a fade, what began has died away.
 REACH = 3.0
+#: What differs by less than this share of a course's range is alike.
+ALIKE = 1e-6
 #: What the name of a law begins with; its covariates follow.
 PREFIX = "law:"
 
@@ -74,7 +77,35 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
     every: Iterable[Candidate] = chain.from_iterable(found)
     if view.feels_one_stimulus:
         every = (law for law in every if "input" not in covariates_of_law(law.name))
+    if cause is not None and (single := _single_visits(cause, view)) is not None:
+        every = (law for law in every if not _marks_only(law, single, view))
     return (replace(law, name=f"{law.name}/{i}") for i, law in enumerate(every))
+
+
+def _single_visits(cause: AcceptedCause, view: ResidualView) -> NDArray[np.bool_] | None:
+    """The visits (v) at which a cause acts that acts at one visit of each unit at the most; None of any other."""
+    c = cause.candidate
+    marked = cause.hit[c.code] if c.of == "visit" else cause.hit[c.code] & _marked(c.columns, view)
+    often = np.bincount(view.scene.visits.unit.code[marked], minlength=1)
+    return marked if often.max() == 1 else None
+
+
+def _marks_only(law: Candidate, single: NDArray[np.bool_], view: ResidualView) -> bool:
+    """Whether a law says nothing but that one of some visits (v) is unlike the others, in each group that has one: that
+    is told by what the visit reads alone, and a covariate that is unlike there, too, confirms nothing."""
+    marked = _marked(law.columns, view)
+    groups = np.unique(law.code[single])
+    return all(np.array_equal(marked[on], single[on]) and marked[on].sum() == 1 for on in law.code == groups[:, None])
+
+
+def _marked(columns: CauseColumns, view: ResidualView) -> NDArray[np.bool_]:
+    """The visits (v) at which any course of some columns is not what it is at most visits of the unit."""
+    marked = np.zeros(len(columns.still), bool)
+    for unit in np.unique(code := view.scene.visits.unit.code):
+        of_unit = columns.still[code == unit]
+        usual = np.median(of_unit, axis=0)
+        marked[code == unit] = np.any(np.abs(of_unit - usual) > ALIKE * np.ptp(of_unit, axis=0), axis=1)
+    return marked
 
 
 def laws_at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str]) -> Iterator[Candidate]:
