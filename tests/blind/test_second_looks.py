@@ -229,6 +229,24 @@ def test_visits_that_are_wrong_near_each_other_in_one_run_are_nothing_that_fades
     assert judged.set_probability > 0.8, judged.doubts
 
 
+def test_a_visit_far_off_on_one_axis_is_no_turn() -> None:
+    """.1 g beside the stimulus is a turn of .1 rad to the first order; at work that turn is 5 mg off along it."""
+    off_g = 0.1
+
+    def knocked(w: World, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        at = (w.unit == 0) & (w.run == 0) & (w.visit == 3)
+        beside = int(np.argmin(np.abs(w.a[at]).sum(axis=0)))
+        return w.a, off_g * at[:, None] * np.eye(3)[beside]
+
+    faces = six_faces("listed", "reverse", "listed")
+    table, _ = hide(faces, knocked, 90 + SEED, units=1)
+    found = searched(faces, table)
+    assert [f.name for f in found.findings] == ["disturbed-visit"]
+    item = found.last.accepted[0]
+    assert item.candidate.effect is None
+    assert found.statistics[-1] <= found.threshold
+
+
 def with_a_jump(slow: str, late: int = 12) -> Hidden:
     """A slow cause of all units beside a jump of one unit in one run."""
 

@@ -15,6 +15,7 @@ from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.finding import CauseFinding, cause_finding
 from station.diagnosis.search.first_look import sampled_look
+from station.diagnosis.search.freed_turn import freed_turn
 from station.diagnosis.search.hidden_state import find_states
 from station.diagnosis.search.narrow_laws import find_laws
 from station.diagnosis.search.problem import refined
@@ -147,7 +148,12 @@ class CauseSearch:
     ) -> tuple[CauseFinding, SearchState]:
         """A cause as a finding, and the state with it accepted."""
         finding = cause_finding(state.problem, ranks, cause, state.statistic)
-        return finding, self.state(_accept_finding(state.problem, finding))
+        after = self.state(_accept_finding(state.problem, finding))
+        freed = freed_turn(state.problem, finding) if after.alarms else None
+        if freed is None:
+            return finding, after
+        other = self.state(_accept_finding(state.problem, freed))
+        return (freed, other) if other.statistic < after.statistic else (finding, after)
 
 
 def unseen_kernels(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
