@@ -22,6 +22,7 @@ from station.diagnosis.data.faults.gross_fault import (
     rows_of_units,
     unit_label,
 )
+from station.diagnosis.data.faults.rounded_stamps import deviation_of_rounding, period_within_rounding, stamp_grid
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -32,11 +33,10 @@ DETECTION_SIGMA = 4.0
 MAX_RATE_ERROR = 0.15
 #: No host stamps more exactly, s.
 STAMP_STD_S = 1e-6
-#: Grids of stamps that are looked for, s, the share of a step by which one may lie beside it, and the stretches of a
-#: record from which on their scatter tells.
-STAMP_GRIDS_S, ON_GRID, MIN_STRETCHES = (1 / 64, 1e-2, 1e-3, 1e-4), 1e-3, 4
 #: Without a counter frames that are missing can be counted where stamps scatter by less than this share of a period.
 MAX_SCATTER = 0.08
+#: … and where they lie on a grid no coarser than this share of a period: two frames may come to lie two steps apart.
+MOST_GRID = 0.3
 #: Frames come in bursts where at least this share of steps within visits is shorter than this share of the mean one.
 IN_BURSTS, IN_BURST = 1 / 4, 0.2
 #: Rounds of numbering the frames by the rate and fitting the rate to the numbers.
@@ -117,29 +117,27 @@ def rates(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> ClockR
         kept = _fresh(t, group)
         if counted is None and not _is_countable(t[kept], number[kept], group[kept], _places(group)[kept]):
             continue
-        error[u], std[u], visits[u] = _slope(t[kept], number[kept] / nominal, group[kept], group[kept])
-        rounded = _repeated_rounding(t[kept], *visits[u][:2])
+        error[u], std[u], visits[u] = _rate(t, number, group, group, kept, nominal)
         if has and np.isfinite(std[u]):
             starts = np.flatnonzero(np.diff(group, prepend=-1))
             joined = _numbers_across_visits(table, rows, number, starts, error[u], std[u], (nominal, bits))
             if joined is not None:
-                run = table.run[rows][kept]
-                error[u], std[u], (_, weight, _) = _slope(t[kept], joined[kept] / nominal, run, group[kept])
-                rounded = _repeated_rounding(t[kept], np.zeros(1), weight.sum(keepdims=True) / len(np.unique(run)))
-        std[u] = float(np.hypot(std[u], rounded))
+                error[u], std[u], _ = _rate(t, joined, table.run[rows], group, kept, nominal)
     return ClockRates(error, std, tuple(visits))
 
 
-def _repeated_rounding(time_s: Floats, error: Floats, weight: Floats) -> float:
-    """What stamps on a grid may put on the rate alike in every stretch, as visits in step with the host's clock have
-    it: the deviation of one stretch, unless they scatter by as much. error, weight (s) of each."""
-    grid = next((q for q in STAMP_GRIDS_S if np.all(np.abs(time_s - q * np.rint(time_s / q)) < ON_GRID * q)), 0.0)
-    live = weight > 0
-    if not grid or not live.any():
-        return 0.0
-    expected = grid**2 / 12 / float(np.mean(weight[live]))
-    scattered = np.count_nonzero(live) >= MIN_STRETCHES and float(np.var(error[live])) > expected / 2
-    return 0.0 if scattered else float(np.sqrt(expected))
+def _rate(
+    time_s: Floats, number: NDArray[np.int64], group: Array, visit: Array, kept: NDArray[np.bool_], nominal: float
+) -> tuple[float, float, tuple[Floats, Floats, Floats]]:
+    """What `_slope` gives of the kept ones of frames (n) by their numbers, with what their rounding adds; where their
+    rounding accounts for all, the rate by that."""
+    t, k, of = time_s[kept], number[kept], group[kept]
+    error, std, own = _slope(t, k / nominal, of, visit[kept])
+    if (found := period_within_rounding(time_s, number, group)) is not None:
+        period, off = found
+        return 1 / (nominal * period) - 1, off / (nominal * period**2), own
+    repeated = deviation_of_rounding(t, k, of, 1 / (nominal * (1 + error))) if np.isfinite(std) else 0.0
+    return error, float(np.hypot(std, repeated)), own
 
 
 def _fresh(time_s: Floats, group: Array) -> NDArray[np.bool_]:
@@ -176,6 +174,9 @@ def _numbers_in_order(time_s: Floats, group: Array) -> NDArray[np.int64]:
     """Numbers (n) of frames without a counter, from 0 in each visit (group): their order, plus the frames lost for
     good. Of the periods that the gaps suggest, the one is taken that leaves the stamps nearest to a line."""
     number, kept = _places(group), _fresh(time_s, group)
+    if period_within_rounding(time_s, number, group) is not None:
+        # A grid of stamps as coarse as the period leaves some out by itself.
+        return number
     number[kept] = _numbers_of_stamps(time_s[kept], group[kept], number[kept])
     return number
 
@@ -199,10 +200,14 @@ def _numbers_of_stamps(time_s: Floats, group: Array, place: NDArray[np.int64]) -
 
 
 def _is_countable(time_s: Floats, number: NDArray[np.int64], group: Array, place: NDArray[np.int64]) -> bool:
-    """Whether the numbers of frames are certain: none is missing, or the stamps lie close to their lines."""
+    """Whether the numbers of frames are certain: none is missing, or the stamps lie close to their lines, on a grid
+    that leaves nobody out by itself."""
     if np.array_equal(number, place):
         return True
     first, count = _first_and_count(group)
+    frames = np.maximum(number[first + count - 1] - number[first], 1)
+    if MOST_GRID * np.median((time_s[first + count - 1] - time_s[first]) / frames) < stamp_grid(time_s):
+        return False
     middle = [np.repeat(np.add.reduceat(x, first) / count, count) for x in (time_s, number.astype(float))]
     t, n = time_s - middle[0], number - middle[1]
     off = n - t * float(t @ n) / max(float(t @ t), 1e-300)
