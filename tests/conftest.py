@@ -57,11 +57,13 @@ def _survive(_number: int, _frame: object) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Hook: seven thousand tests and their modules live to the end, so no garbage is looked for among them."""
+    """Hook: seven thousand tests and their modules live to the end, so no garbage is looked for among them, nor later
+    while the tests run."""
     gc.disable()
     try:
         return (yield)
     finally:
+        gc.freeze()
         gc.enable()
 
 
