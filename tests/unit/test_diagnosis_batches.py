@@ -192,3 +192,14 @@ def test_the_power_of_even_dwells_is_that_of_each_wave(jitter_s: float, rng: np.
     np.testing.assert_allclose(even, tone_search._uneven_power(dwells, tried, dwells.weight), rtol=1e-4)
     lost = replace(dwells, time_s=time + (np.arange(samples) > 30) / rate)
     assert tone_search._even_power(lost, tried, dwells.weight) is None
+
+
+def test_columns_that_tell_the_same_count_once_for_the_noise() -> None:
+    """Known columns of which some are sums of others: a floor twice as large makes each direction half as long, and no
+    direction that is not there."""
+    rng = np.random.default_rng(5)
+    columns = rng.standard_normal((3, 40, 9))
+    columns[:, :, 6:] = columns[:, :, :3] @ rng.standard_normal((3, 3))
+    _, rank, logdet = projection._basis(columns)
+    assert rank == 18
+    assert projection._basis(columns / 2)[2] == pytest.approx(logdet - 2 * rank * np.log(2))

@@ -7,8 +7,11 @@ from station.config.recipes import load_recipe
 from station.diagnosis.candidates.nuisance import nuisance_of
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.data.residuals import initial_view
+from station.diagnosis.linear.noise_floor import covariance_root
+from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.domain.core.types import Floats
-from station.model.simulate import SimulationJob, simulate
+from station.model.simulate import SimulationJob, parse_effects, simulate
+from tests.blind.inspection import searched
 
 
 def left_of(recipe_name: str, pull: Floats) -> float:
@@ -29,3 +32,23 @@ def left_of(recipe_name: str, pull: Floats) -> float:
 @pytest.mark.parametrize("name", ["gyroscope-six-point", "gyroscope-n-point"])
 def test_gravity_on_a_gyroscope_is_no_cause(name: str) -> None:
     assert left_of(name, np.random.default_rng(4).standard_normal((3, 3))) < 1e-9
+
+
+def test_axes_that_are_not_square_are_named_on_six_spins() -> None:
+    """Six spins leave six numbers beside what a healthy gyroscope feels, three of which its axes' angles move: with
+    these known nothing is left, and the floor comes down to what the samples show."""
+    spins = load_recipe("gyroscope-six-point")
+    job = SimulationJob(spins, ("A", "B", "C"), 3, parse_effects(["cross-axis"], spins))
+    found = searched(spins, simulate(job).table)
+    assert [(f.name, f.indistinguishable_from) for f in found.findings] == [("cross-axis", ())]
+    assert found.last.fit().floor.noise < 0.01
+
+
+def test_a_floor_draws_where_turns_and_noise_are_one() -> None:
+    """About a rate table's axes a turn does what noise does: their covariance has a root all the same."""
+    spins = load_recipe("gyroscope-six-point")
+    table = simulate(SimulationJob(spins, ("A",), seed=3)).table
+    covariance = initial_problem(reduce_samples(spins, table), FloorAllowance()).fit().covariance
+    assert np.linalg.matrix_rank(covariance) < 3
+    root = covariance_root(covariance)
+    np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-9, atol=0.0)

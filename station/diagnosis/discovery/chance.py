@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from station.diagnosis.discovery.scan import Scan
-from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.noise_floor import FittedFloor, covariance_root
 from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem
 from station.domain.core.types import Array, Floats
@@ -51,8 +51,7 @@ def null_residuals(
     problem: ScoringProblem, fitted: FittedFloor, space: ResidualSpace, rng: np.random.Generator
 ) -> Iterator[Array]:
     """Residuals (U, M, n) by chance alone, some sets after others."""
-    mean = fitted.floor.variances
-    root = np.linalg.cholesky(fitted.covariance + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
+    mean, root = fitted.floor.variances, covariance_root(fitted.covariance)
     runs = space.covariance.runs.single_precision()
     (U, R), m = runs.member.shape, runs.rows
     n, M = NULL_SETS // NULL_FLOORS, space.live.shape[1]

@@ -25,6 +25,10 @@ from station.domain.core.types import Floats
 
 #: Nats of log-likelihood below which a floor is not worth improving.
 CONVERGED_NATS = 2e-5
+#: Variances that the readings tell apart by less than this share of what they tell of all are not told apart.
+UNTOLD = 1e-9
+#: Added to each diagonal element of their covariance, as a share of it, so that it has a root.
+ROUNDING = 1e-12
 #: Triangular matrices whose halves have fewer rows are inverted whole.
 FEW_ROWS = 18
 #: Sums up to each of more visits are made one by one: a matrix costs their square.
@@ -242,8 +246,22 @@ class FittedFloor:
 
     @property
     def covariance(self) -> Floats:
-        """Covariance (3, 3) of the variances σ², τ_r², τ_w²."""
-        return np.asarray(np.linalg.pinv(newton(self.parts, self.space)[1]), float)
+        """Covariance (3, 3) of the variances σ², τ_r², τ_w²; no spread along what the readings do not tell apart.
+
+        Each is taken in its own size: about a rate table's axes a turn does what noise does, 10⁸ times larger.
+        """
+        information = newton(self.parts, self.space)[1]
+        size = np.diag(information)
+        scale = np.where(size > 0, 1 / np.sqrt(np.where(size > 0, size, 1.0)), 0.0)
+        values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+        told = values > UNTOLD * max(float(values.max()), 1e-300)
+        root = scale[:, None] * vectors[:, told] / np.sqrt(values[told])
+        return np.asarray(root @ root.T, float)
+
+
+def covariance_root(covariance: Floats) -> Floats:
+    """Lower triangular root (3, 3) of a covariance of variances, of which some may not be told apart."""
+    return np.asarray(np.linalg.cholesky(covariance + np.diag(ROUNDING * np.diag(covariance) + 1e-300)), float)
 
 
 def fit(

@@ -305,8 +305,12 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
         vectors, s, _ = np.linalg.svd(scaled[~clear], full_matrices=False)
         more = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
         basis[~clear] = vectors * more[:, None, :]
-        rank, logdet = rank + int(np.count_nonzero(more)), logdet + 2 * float(np.sum(np.log(s[more])))
-    return basis, rank, logdet + 2 * float(np.sum(np.log(length[length > 0])))
+        rank += int(np.count_nonzero(more))
+        # Of columns that tell the same no length counts twice: as many count as there are directions.
+        spanned = np.linalg.qr((basis[~clear].swapaxes(1, 2) @ columns[~clear]).swapaxes(1, 2), mode="r")
+        logdet += 2 * float(np.sum(np.log(np.abs(np.einsum("uii->ui", spanned)[more]))))
+    told = length[clear]
+    return basis, rank, logdet + 2 * float(np.sum(np.log(told[told > 0])))
 
 
 def _orthonormal(columns: Floats) -> tuple[Floats, float]:

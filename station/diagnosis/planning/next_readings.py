@@ -12,7 +12,7 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate
 from station.diagnosis.candidates.nuisance import accept_candidate, accepted_columns
-from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.linear.noise_floor import NoiseFloor, covariance_root
 from station.diagnosis.linear.projection import DataColumns, ResidualSpace
 from station.diagnosis.linear.run_filter import RunFilter
 from station.diagnosis.search.null_noise import NullNoise
@@ -142,7 +142,7 @@ class NextReadings:
     def _true_floor(self, rng: np.random.Generator) -> RunFilter:
         """One of the floors that the readings so far allow."""
         mean = self.floor.variances
-        root = np.linalg.cholesky(self.spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
+        root = covariance_root(self.spread)
         step = root @ rng.standard_normal(3)
         low = np.array([mean[0] / LARGEST_NOISE_RATIO, 0.0, 0.0])
         high = np.r_[mean[0] * LARGEST_NOISE_RATIO, self.problem.upper[1:]]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.noise_floor import FittedFloor, covariance_root
 from station.diagnosis.linear.projection import DataColumns
 from station.diagnosis.linear.run_filter import RunFilter
 from station.diagnosis.search.bounded_floor import BoundedFloor
@@ -55,8 +55,7 @@ def noise_of_floor(
 ) -> Iterator[NullNoise]:
     """White noise of the widest space, floor by floor, so many sets of each; bounded: only such as would be fitted at
     the same bounds, so many of all floors together."""
-    mean, spread = fitted.floor.variances, fitted.covariance
-    root = np.linalg.cholesky(spread + np.diag(1e-12 * mean.max() ** 2 * np.ones(3)))
+    mean, root = fitted.floor.variances, covariance_root(fitted.covariance)
     spaces = [s.space for stage in now.stages for s in stage.projected if s.space is not None]
     widest = max(spaces, key=lambda space: space.live.shape[1])
     live, contrasts, member = widest.live, widest.dwell, spaces[0].covariance.runs.member
