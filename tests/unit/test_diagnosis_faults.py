@@ -120,6 +120,20 @@ def test_a_coarse_grid_is_measured() -> None:
     assert [float(n.value) for n in faults["quantization"].numbers] == pytest.approx([4e-4, 4e-4], rel=1e-3)
 
 
+@pytest.mark.parametrize(("coarse", "faults"), [((0, 1), []), ((1,), ["quantization"])])
+def test_a_step_that_no_sheet_states_is_judged_by_the_other_units_alone(
+    coarse: tuple[int, ...], faults: list[str]
+) -> None:
+    """Offsets taken off pose by pose shift the grid, and what is left of two grids looks like a finer one."""
+    made = table()
+    rows = np.isin(made.unit.code, coarse)[:, None]
+    made = replace(made, reading=np.where(rows, np.round(made.reading / 4e-4) * 4e-4, made.reading))
+    device = type(RECIPE.device).model_construct(
+        _fields_set=RECIPE.device.model_fields_set - {"lsb"}, **dict(RECIPE.device)
+    )
+    assert list(found(made, RECIPE.model_copy(update={"device": device}))) == faults
+
+
 def test_what_one_unit_loses_the_others_do_not_gainsay() -> None:
     chosen = six_faces("listed").model_copy(update={"device": RECIPE.device})
     made, _ = hide(chosen, None, 3, units=4)
