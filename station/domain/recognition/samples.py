@@ -13,6 +13,7 @@ from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import visits
 from station.domain.recognition.quantities import QUANTITIES, sphere
+from station.domain.recognition.quiet_readings import MOST_POSES, portion, quietest
 from station.domain.recognition.raw_table import RawTable
 from station.domain.recognition.recording import Recording
 from station.errors import SamplesError, UsageError, naming_file
@@ -48,8 +49,6 @@ IN_MOTION_G = 0.1
 LOUDER = 3.0
 #: Acceleration that stays this near to one ellipsoid, of its size, is gravity in a hand that turns slowly.
 SLOWLY = 0.02
-#: Readings that are a pose each: more than so many tell no more.
-MOST_POSES = 500
 #: Runs are counted in 32 bits.
 LAST_RUN = 2**31 - 1
 
@@ -165,15 +164,18 @@ def _swept(recording: Recording, edges: NDArray[np.int64]) -> bool:
 
 
 def _a_reading_each(recording: Recording) -> Visits:
-    """Each reading a visit or, of very many, every so many."""
-    each = -(-len(recording) // MOST_POSES)
-    edges = visits.blocks(recording.source, recording.reading, 1)[::each]
-    note = Message("readings-thinned", file=recording.source, readings=len(recording), each=each, visits=len(edges))
-    names = tuple(f"reading-{i + 1:03d}" for i in range(len(edges)))
+    """Each reading a visit or, of very many, the quietest of every so many."""
+    reading, n = recording.reading, len(recording)
+    step = np.linalg.norm(np.diff(reading, axis=0), axis=1)
+    moving = recording.unit == "g" and float(np.median(step)) < IN_MOTION_G
+    every = visits.blocks(recording.source, reading, 1)
+    each = portion(n, float(np.ptp(recording.time_s)), moving)
+    edges = every[quietest(reading, each)]
+    note = Message("readings-thinned", file=recording.source, readings=n, each=each, visits=len(edges))
     remarks = [note] if each > 1 else []
-    step = np.linalg.norm(np.diff(recording.reading, axis=0), axis=1)
-    if recording.unit == "g" and float(np.median(step)) < IN_MOTION_G:
+    if moving:
         remarks.append(Message("readings-in-motion", file=recording.source))
+    names = tuple(f"reading-{i + 1:03d}" for i in range(len(edges)))
     return Visits(edges, names, "readings", tuple(remarks))
 
 
