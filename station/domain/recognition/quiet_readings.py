@@ -1,6 +1,6 @@
-"""Which readings of a turn that was read on its way stand for it: the quietest of each portion, where the hand adds least.
+"""Which readings of a turn that was read on its way stand for it: the quietest of each portion.
 
-Between two stops a hand adds tenths of a g to gravity; where it dwells, if only for a moment, hardly anything. Quiet is
+Where a hand dwells for a moment it adds hardly anything to gravity; between two stops, tenths of a g. Quiet is
 judged by how far neighbours lie apart, never by magnitudes, so that the choice does not bias what is fitted to them.
 """
 
