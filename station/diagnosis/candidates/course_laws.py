@@ -1,28 +1,22 @@
-"""Laws of one course: what a whole axis, a base that leans or a nest that turns does by one function of time,
+"""Courses of laws: what a whole axis, a base that leans or a nest that turns does by one function of time,
 temperature, drive, the way or the load.
 
 A wide kernel that follows any course has so many numbers that one of few is lost in them; a law of one course is found
 if that course is near the true one. What leans or turns has two or three numbers in all, so that courses may lie close.
 """
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from itertools import chain, combinations_with_replacement, product
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Candidate, candidates
-from station.diagnosis.candidates.law_forms import centred_values, curves_by_covariate, on_every_axis
+from station.diagnosis.candidates.law_forms import Curves, centred_values
 from station.diagnosis.candidates.motion_kernels import remembered, turns_of
-from station.diagnosis.candidates.rival_laws import law_of_cause, laws_at_levels, weight_in_nest
+from station.diagnosis.candidates.rival_laws import weight_in_nest
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import VisitGrid
 from station.domain.core.types import Floats
-from station.model.effects.base_tilt import BaseTilt
-from station.model.effects.nest_tilt import NestTilt
 
-#: What stands in the names of these laws.
-_MARK = "/course/"
 #: Covariates, joined by *, and a function (v) of them.
 Course = tuple[str, Floats]
 #: Waves over the range of a covariate, in steps that none falls between, and visits of a run to each; phases within
@@ -40,50 +34,35 @@ LEAST_TURN, SLIDES = 1e-6, 0.4
 KEPT = (0.4, 0.7, 0.85)
 
 
-def course_laws(view: ResidualView) -> Iterator[Candidate]:
-    """Every law of one course that these data can show."""
-    waves, saws = (list(courses(view)) for courses in (_waves_of_view, _saws_of_view))
-    levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
-    found = laws_at_levels(view, ((name, (on_every_axis(x),)) for name, x in (*waves, *saws)), levels)
-    laws = chain(found, _leaning(view, waves) if view.scene.recipe.pose_known else ())
-    return (replace(law, name=f"{law.name}{_MARK}{i}") for i, law in enumerate(laws))
+def offset_courses(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Course]:
+    """Courses that an offset of each axis may take; curves: of each covariate."""
+    return chain(_waves_of_view(view, curves), _saws_of_view(view, curves))
 
 
-def is_course(law: Candidate) -> bool:
-    """Whether a law is one of these."""
-    return _MARK in law.name
+def leaning_courses(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Course]:
+    """Courses by which a base may lean or a nest turn; curves: of each covariate."""
+    every = chain(_waves_of_view(view, curves), _curves(curves), _passing(view), _winding(view), _loads(view, curves))
+    return ((f"{name}*input", x) for name, x in every if np.ptp(x) > 0)
 
 
-def _leaning(view: ResidualView, waves: list[Course]) -> Iterator[Candidate]:
-    """The base that leans, and each nest that turns, by each course."""
-    every = [*waves, *_curves(view), *_passing(view), *_winding(view), *_loads(view)]
-    every = [(name, x) for name, x in every if np.ptp(x) > 0]
-    tilts = [candidates(cause.example(), view) for cause in (BaseTilt, NestTilt)]
-    # Nests that turn alike do about what a base does that leans.
-    for one in (*tilts[0], *(tilts[1] if len(tilts[1]) == 1 else (c for c in tilts[1] if c.of != "common"))):
-        for name, x in every:
-            scaled = replace(one.columns, still=one.columns.still * x[:, None])
-            yield law_of_cause(one, f"{name}*input", scaled)
-
-
-def _swinging(view: ResidualView) -> Iterator[tuple[str, Floats]]:
+def _swinging(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[tuple[str, Floats]]:
     """Time of a run and temperature, as shares of their ranges, where they vary."""
     scene = view.scene
     values = {"time": scene.time_s, "temperature": scene.temperature_degC}
-    for name in (name for name, _ in curves_by_covariate(view) if name in values):
+    for name in (name for name in curves if name in values):
         yield name, _share(np.asarray(values[name], float))
 
 
-def _waves_of_view(view: ResidualView) -> Iterator[Course]:
+def _waves_of_view(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Course]:
     """Waves of one phase in time and in temperature."""
     visits = view.grid.slot.shape[2]
-    return ((name, x) for name, share in _swinging(view) for x in _waves(share, visits))
+    return ((name, x) for name, share in _swinging(view, curves) for x in _waves(share, visits))
 
 
-def _saws_of_view(view: ResidualView) -> Iterator[Course]:
+def _saws_of_view(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Course]:
     """What climbs and falls back at once, with time or with temperature."""
     saws = SAWS[view.grid.slot.shape[2] >= VISITS_A_SAW * SAWS]
-    for (name, share), many, begun in product(_swinging(view), saws, BEGINS):
+    for (name, share), many, begun in product(_swinging(view, curves), saws, BEGINS):
         yield name, centred_values((many * share + begun) % 1.0)
 
 
@@ -96,9 +75,9 @@ def _share(x: Floats) -> Floats:
     return np.asarray((x - x.min()) / np.ptp(x))
 
 
-def _curves(view: ResidualView) -> Iterator[Course]:
+def _curves(curves: Mapping[str, Curves]) -> Iterator[Course]:
     """Each covariate as it is, and where it bends, switches, or is there alone."""
-    for name, of in curves_by_covariate(view):
+    for name, of in curves.items():
         yield from ((name, x) for x in (of.plain, *of.bent, *of.switched, *of.bumped, *of.fading))
 
 
@@ -122,14 +101,14 @@ def _winding(view: ResidualView) -> Iterator[Course]:
                 yield from (("order", np.maximum(sign * (x - at), 0.0)) for sign in (1, -1))
 
 
-def _loads(view: ResidualView) -> Iterator[Course]:
+def _loads(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Course]:
     """How the part lies in its nest, alone or with a covariate, what earlier loads have left, and on which side a loose
     part lay last."""
     felt = np.einsum("vij,vj->iv", view.scene.visits.seat_R, view.nominal_stimulus)
     felt = felt / max(float(np.abs(felt).max()), 1e-300)
     forms = [*weight_in_nest(view), *(x * y for x, y in combinations_with_replacement(felt, 2))]
     yield from (("position", x) for x in forms)
-    for name, of in curves_by_covariate(view):
+    for name, of in curves.items():
         yield from ((name, of.plain * x) for x in forms)
     for kept in KEPT:
         yield from (("order", x) for x in remembered(felt.T, view, kept).T)

@@ -58,9 +58,9 @@ class Curves:
     fading: tuple[Floats, ...] = ()
 
 
-def laws_of_view(view: ResidualView) -> Iterator[Law]:
-    """Every law of what these data have recorded."""
-    a, step, curves = _stimulus(view), steps_of_stimulus(view), dict(curves_by_covariate(view))
+def laws_of_view(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Law]:
+    """Every law of what these data have recorded, with the curves of each covariate."""
+    a, step = _stimulus(view), steps_of_stimulus(view)
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
     yield from chain(_memories(view), _campaign(view), _stairs(view), _visits_before(view, a, step))
     yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
@@ -81,22 +81,24 @@ def steps_of_stimulus(view: ResidualView) -> Floats:
     return np.where(previous[:, None] >= 0, a[previous] - a, 0.0)
 
 
-def curves_by_covariate(view: ResidualView) -> Iterator[tuple[str, Curves]]:
+def curves_by_covariate(view: ResidualView) -> dict[str, Curves]:
     """The curves of each covariate that varies."""
-    scene = view.scene
+    scene, found = view.scene, dict[str, Curves]()
     T, motor = scene.temperature_degC, scene.motor
     if T is not None and np.ptp(T) >= MIN_TEMPERATURE_RANGE:
-        yield "temperature", _curves_of(T, centred_values(T))
+        found["temperature"] = _curves_of(T, centred_values(T))
     if np.ptp(scene.time_s) > 0:
         left = _from_zero(scene.time_s.max() - scene.time_s)
-        yield "time", replace(_curves_of(scene.time_s, _from_zero(scene.time_s)), fading=(left, left**2))
+        found["time"] = replace(_curves_of(scene.time_s, _from_zero(scene.time_s)), fading=(left, left**2))
     if motor is not None and np.ptp(motor) > 0:
         between = np.convolve(np.unique(motor), (0.5, 0.5), "valid")
         chosen = between[np.linspace(0, len(between) - 1, min(len(between), MAX_LEVELS)).astype(int)]
         bent = (np.sqrt(np.abs(motor)), motor, motor**3)
         switched = tuple(centred_values(motor > level) for level in chosen)
         # A part of the rig may resonate at one speed.
-        yield "motor", replace(_curves_of(motor, _from_zero(motor)), bent=bent, switched=switched, waves=())
+        curves = _curves_of(motor, _from_zero(motor))
+        found["motor"] = replace(curves, bent=bent, switched=switched, waves=())
+    return found
 
 
 def _curves_of(x: Floats, plain: Floats) -> Curves:
@@ -114,7 +116,8 @@ def _curves_of(x: Floats, plain: Floats) -> Curves:
 def centred_values(values: Array) -> Floats:
     """Values about their mean, of standard deviation 1."""
     x = np.asarray(values, float)
-    return np.asarray((x - np.mean(x)) / max(float(np.std(x)), 1e-300))
+    x = x - np.add.reduce(x) / len(x)
+    return np.asarray(x / max(float(np.sqrt(x @ x / len(x))), 1e-300))
 
 
 def _from_zero(x: Floats) -> Floats:

@@ -5,7 +5,7 @@ threshold, a wave or a product at one value of its constants pays for one direct
 What causes of the library do themselves is left out. Like those of the kernels, these columns are not simulated.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -18,6 +18,7 @@ from station.diagnosis.candidates.kernel_columns import packed_codes
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.law_forms import (
     SWITCHES,
+    Curves,
     Law,
     centred_values,
     curves_by_covariate,
@@ -67,13 +68,14 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
     a cause, also laws of its shape and level: what modulates it, and what else switches where it jumps."""
     of = level if cause is None else cause.candidate.of
     levels = ("unit", "common") if view.grid.units > 1 else ("unit",)
-    found = [laws_at_levels(view, laws_of_view(view), levels), _tilts(view)]
+    curves = curves_by_covariate(view)
+    found = [laws_at_levels(view, laws_of_view(view, curves), levels), _tilts(view, curves)]
     if of in LABELS:
-        found.append(laws_at_levels(view, chain(laws_of_view(view), _straight(view)), (of,)))
+        found.append(laws_at_levels(view, chain(laws_of_view(view, curves), _straight(curves)), (of,)))
     elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
-        found.append(laws_at_levels(view, _courses_of_run(view), (of,)))
+        found.append(laws_at_levels(view, _courses_of_run(curves), (of,)))
     if cause is not None:
-        found += [laws_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view)]
+        found += [laws_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view, curves)]
     every: Iterable[Candidate] = chain.from_iterable(found)
     if view.feels_one_stimulus:
         every = (law for law in every if "input" not in covariates_of_law(law.name))
@@ -121,28 +123,30 @@ def laws_at_levels(view: ResidualView, laws: Iterable[Law], levels: Sequence[str
             yield Candidate(f"{PREFIX}{word}/{of}", None, of, pattern, code, names, packed)
 
 
-def _straight(view: ResidualView) -> Iterator[Law]:
+def _straight(curves: Mapping[str, Curves]) -> Iterator[Law]:
     """An offset in proportion to a covariate: for each unit or run that is a cause of the library, for a nest or a lot
     none."""
-    for name, of in curves_by_covariate(view):
+    for name, of in curves.items():
         yield name, (on_every_axis(of.plain),)
 
 
-def _tilts(view: ResidualView) -> Iterator[Candidate]:
-    """A nest that turns with a covariate, straight or at once, by its own weight, or by how the rig turned, whatever
-    else was found."""
-    tilt = NestTilt.example()
+def _tilts(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Candidate]:
+    """A nest that turns by any of those courses, whatever else was found."""
     if not view.scene.recipe.pose_known:
         return
-    curves, weight, turns = dict(curves_by_covariate(view)), weight_in_nest(view), list(functions_of_turns(view))
-    for one in candidates(tilt, view):
-        for x in turns:
-            yield law_of_cause(one, "order*input", CauseColumns.of(one.visit * x[:, None, None]))
-        for x in weight:
-            yield law_of_cause(one, "position*input", CauseColumns.of(one.visit * x[:, None, None]))
-        for name, of in curves.items():
-            for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]):
-                yield law_of_cause(one, f"{name}*input", CauseColumns.of(one.visit * x[:, None, None]))
+    courses = list(turning_courses(view, curves))
+    for one in candidates(NestTilt.example(), view):
+        for name, x in courses:
+            yield law_of_cause(one, name, CauseColumns.of(one.visit * x[:, None, None]))
+
+
+def turning_courses(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[tuple[str, Floats]]:
+    """Covariates and functions (v) by which a nest may turn: with a covariate, straight or at once, by its own weight,
+    or by how the rig turned."""
+    yield from (("order*input", x) for x in functions_of_turns(view))
+    yield from (("position*input", x) for x in weight_in_nest(view))
+    for name, of in curves.items():
+        yield from ((f"{name}*input", x) for x in (of.plain, *of.switched[:: len(SWITCHES) // 4]))
 
 
 def weight_in_nest(view: ResidualView) -> list[Floats]:
@@ -154,13 +158,12 @@ def weight_in_nest(view: ResidualView) -> list[Floats]:
     return [form for form in forms if np.ptp(form) > LEVEL]
 
 
-def _courses_of_run(view: ResidualView) -> Iterator[Law]:
+def _courses_of_run(curves: Mapping[str, Curves]) -> Iterator[Law]:
     """What is separate in each run: waves in time, with a phase of their own, and what grows faster than time, or
     later."""
-    for name, of in curves_by_covariate(view):
-        if name == "time":
-            yield from ((name, (on_every_axis(x), on_every_axis(y))) for x, y in of.waves)
-            yield from ((name, (on_every_axis(x),)) for x in (of.plain**2, of.plain**3, *of.bent))
+    if (of := curves.get("time")) is not None:
+        yield from (("time", (on_every_axis(x), on_every_axis(y))) for x, y in of.waves)
+        yield from (("time", (on_every_axis(x),)) for x in (of.plain**2, of.plain**3, *of.bent))
 
 
 def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
@@ -181,21 +184,21 @@ def _switches_at(jump: AcceptedCause, view: ResidualView) -> Iterator[Law]:
         yield "temperature", (on_every_axis(centred_values(found[i] < T)),)
 
 
-def _changing(cause: Candidate, view: ResidualView) -> Iterator[Candidate]:
+def _changing(cause: Candidate, view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Candidate]:
     """A cause that varies with a covariate: a course within the dwells that does, or grows with the move before it; and
     whatever is constant within a dwell, at first of one size."""
-    curves = [(name, of.plain) for name, of in curves_by_covariate(view)]
+    plain = [(name, of.plain) for name, of in curves.items()]
     visit, dwell = cause.visit, cause.dwell
     if dwell is not None:
         size = np.linalg.norm(steps_of_stimulus(view), axis=1)
-        for name, x in (*curves, ("order", size)):
+        for name, x in (*plain, ("order", size)):
             changed = CauseColumns.of(visit * x[:, None, None], dwell * x[:, None, None, None])
             law = law_of_cause(cause, f"dwell-phase*{name}", changed)
             yield from _of_each(law, view)
     elif cause.effect is not None and cause.pattern != "scan":
         word = acts_by(cause.effect)
         # What follows the temperature and changes with it is a cause of the library of another degree.
-        for name, x in (*curves, *(("time", x) for x in fades_of_campaign(view))):
+        for name, x in (*plain, *(("time", x) for x in fades_of_campaign(view))):
             if name == word == "temperature":
                 continue
             alone, also = (visit * of[:, None, None] for of in _within_groups(cause, x))

@@ -16,8 +16,9 @@ from station.diagnosis.candidates.bank import (
     is_testable,
 )
 from station.diagnosis.candidates.free_visits import says_nothing
+from station.diagnosis.candidates.law_families import LawFamily
 from station.diagnosis.data.residuals import ResidualView
-from station.diagnosis.search.narrow_laws import law_banks
+from station.diagnosis.search.narrow_laws import laws_to_find
 
 #: Where two simulations differ by less than this share of the stimulus a cause looks alike in both, but for that share.
 SAME_SIGNATURE_SHARE = 1e-3
@@ -30,7 +31,7 @@ class CandidateBanks:
     def __init__(self, view: ResidualView) -> None:
         self._view, self._candidates = view, all_candidates(view)
         self._still: tuple[Bank, Collection[str]] | None = None
-        self._laws: tuple[ResidualView, tuple[Bank, ...]] | None = None
+        self._laws: tuple[ResidualView, tuple[LawFamily, ...]] | None = None
 
     def of(self, view: ResidualView, hidden: Collection[str]) -> tuple[Bank, Bank]:
         """The still and the moving candidates in a view, without the causes that are hidden from these data."""
@@ -45,10 +46,10 @@ class CandidateBanks:
             self._still = None
         return still, build_bank(chosen, view.layout, moving=True)
 
-    def of_laws(self, view: ResidualView) -> tuple[Bank, ...]:
+    def of_laws(self, view: ResidualView) -> tuple[LawFamily, ...]:
         """The single laws of a view, made when they are first asked for."""
         if self._laws is None or not view.simulates_nearly(self._laws[0], SAME_SIGNATURE_SHARE):
-            self._laws = view, law_banks(view)
+            self._laws = view, laws_to_find(view)
         return self._laws[1]
 
 

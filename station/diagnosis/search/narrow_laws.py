@@ -14,23 +14,22 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from station.diagnosis.candidates.bank import Bank, build_bank
-from station.diagnosis.candidates.course_laws import course_laws, is_course
 from station.diagnosis.candidates.kernels import law_kernel
-from station.diagnosis.candidates.rival_laws import covariates_of_law, rival_laws
+from station.diagnosis.candidates.law_families import LawFamily, law_families
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
+from station.diagnosis.search.law_products import FamilySpace, LawProducts, laid_out, lengths
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.unseen import Unseen
 from station.domain.core.types import Floats
 
 #: Units and visits of the longest run in which laws are looked for: more show what they do to wide kernels, too.
 MOST_UNITS, MOST_VISITS = 12, 120
-#: Laws whose columns are held together.
-AT_ONCE = 128
+#: Laws whose courses are laid out together.
+AT_ONCE = 256
 #: Sizes of a law's variance beside the noise over which its evidence is averaged.
 RATIOS = np.geomspace(0.03, 300.0, 20)
 #: Axes of which a law has a coefficient each.
@@ -46,26 +45,26 @@ class _Explained(NamedTuple):
     chance: Floats
 
 
-def law_banks(view: ResidualView) -> tuple[Bank, ...]:
-    """The laws of these data, some together; none of fleets and of long runs."""
+def laws_to_find(view: ResidualView) -> tuple[LawFamily, ...]:
+    """The laws of these data; none of fleets and of long runs."""
     if view.grid.units > MOST_UNITS or view.grid.slot.shape[2] > MOST_VISITS:
         return ()
-    laws = [*rival_laws(view), *course_laws(view)]
-    parts = (laws[first : first + AT_ONCE] for first in range(0, len(laws), AT_ONCE))
-    return tuple(build_bank(some, view.layout, moving=False) for some in parts)
+    return tuple(law_families(view))
 
 
-def find_laws(problem: ScoringProblem, floor: NoiseFloor, banks: Sequence[Bank]) -> dict[str, Unseen]:
-    """What the laws of some banks explain of the readings under a floor, under the names of their kernels."""
-    spaces = [problem.space(at, moving=False) for at in _floors(problem, floor)] if banks else []
-    if not banks or not all(space.residual.any() for space in spaces):
+def find_laws(problem: ScoringProblem, floor: NoiseFloor, families: Sequence[LawFamily]) -> dict[str, Unseen]:
+    """What the laws of some families explain of the readings under a floor, under the names of their kernels."""
+    spaces = [problem.space(at, moving=False) for at in _floors(problem, floor)] if families else []
+    if not all(space.residual.any() for space in spaces):
         return {}
-    found = [_explained(problem, bank, spaces, floor) for bank in banks]
+    found = [_of_family(problem, family, spaces, floor) for family in families]
+    if not found:
+        return {}
     nats, chance = (np.concatenate(each) for each in zip(*found, strict=True))
-    laws = [law for bank in banks for law in bank.candidates]
-    names, shown = np.array([law_kernel(covariates_of_law(law.name)) for law in laws]), np.isfinite(nats)
+    laws = [law for family in families for _ in family.own for law in family.laws]
+    names, shown = np.array([law_kernel((law.covariates,)) for law in laws]), np.isfinite(nats)
     # Close courses are many and alike: they take no more chances from all others than those from them.
-    close = np.array([is_course(law) for law in laws])
+    close = np.array([law.close for law in laws])
     kinds = [(kind, kind & shown) for kind in (close, ~close) if np.any(kind & shown)]
     seen = dict[str, Unseen]()
     for name in np.unique(names[shown]).tolist():
@@ -84,59 +83,54 @@ def _floors(problem: ScoringProblem, floor: NoiseFloor) -> Iterator[NoiseFloor]:
         yield NoiseFloor(floor.noise, floor.turn, most)
 
 
-def _explained(problem: ScoringProblem, bank: Bank, spaces: Sequence[ResidualSpace], floor: NoiseFloor) -> _Explained:
-    """What each law of a bank explains in the space that speaks least for it."""
-    rows = bank.rows(problem.view.layout, slice(0, problem.view.grid.units))
-    length = np.sum(rows.visit**2, axis=(0, 1, 2)) / floor.noise**2
-    each = [_in_space(bank, space.project(rows), length, space) for space in spaces]
-    return _Explained(np.min([x.nats for x in each], axis=0), np.max([x.chance for x in each], axis=0))
-
-
-def _in_space(bank: Bank, columns: Floats, length: Floats, space: ResidualSpace) -> _Explained:
-    """What each law of a bank explains, whose white columns (U, M, C) are of such a length (C) before."""
-    laws = len(bank.candidates)
-    nats, chance = np.full(laws, -np.inf), np.ones(laws)
-    kinds = [(law.pattern == "own", at.stop - at.start) for law, at in zip(bank.candidates, bank.place, strict=True)]
-    for own, width in set(kinds):
-        which = [i for i, kind in enumerate(kinds) if kind == (own, width)]
-        at = np.array([np.arange(width) + bank.place[i].start for i in which])
-        equations = _Equations.of(columns[..., at], length[at].max(axis=1), space, own=own)
-        found = [_judged(*squares, space) for squares in equations.by_extent(len(columns) if own else 1, width)]
-        # A law acts on all there is, on one axis alone, or in one unit: one of these, and in each one of some.
-        nats[which] = _mean_of_shown(np.stack([x.nats for x in found], axis=1))
-        chance[which] = np.minimum(len(found) * np.min([x.chance for x in found], axis=0), 1.0)
-    return _Explained(nats, chance)
+def _of_family(
+    problem: ScoringProblem, family: LawFamily, spaces: Sequence[ResidualSpace], floor: NoiseFloor
+) -> _Explained:
+    """What each law of a family explains in the space that speaks least for it: at one level, then at the next."""
+    layout, count = problem.view.layout, (len(family.own), len(family.laws))
+    nats, chance = np.full(count, -np.inf), np.ones(count)
+    seen = [FamilySpace.of(family, layout, space) for space in spaces]
+    shapes = [tuple(len(course.T) for course in law.courses) for law in family.laws]
+    for shape in dict.fromkeys(shapes):
+        alike = [i for i, other in enumerate(shapes) if other == shape]
+        for which in (alike[first : first + AT_ONCE] for first in range(0, len(alike), AT_ONCE)):
+            courses = laid_out([family.laws[i].courses for i in which], layout)
+            length = lengths(family, layout, courses) / floor.noise**2
+            products = [space.products(courses) for space in seen]
+            for level, own in enumerate(family.own):
+                pairs = zip(products, spaces, strict=True)
+                each = [_judged(_Equations.of(one, length, own=own), space) for one, space in pairs]
+                nats[level, which] = np.min([x.nats for x in each], axis=0)
+                chance[level, which] = np.max([x.chance for x in each], axis=0)
+    return _Explained(nats.ravel(), chance.ravel())
 
 
 class _Equations(NamedTuple):
     """Normal matrices (n, G, K, K) of laws, of each unit or of all together; what lies along the readings (n, G, K);
-    length (n): of their columns before anything is known."""
+    length (n): of their columns before anything is known; units and columns of each that they have coefficients for."""
 
     normal: Floats
     along: Floats
     length: Floats
+    units: int
+    width: int
 
     @staticmethod
-    def of(columns: Floats, length: Floats, space: ResidualSpace, *, own: bool) -> "_Equations":
-        """Of white columns (U, M, n, c) of laws, of each unit on its own or all together."""
-        known, residual = space.shared_basis, space.residual[..., None]
-        columns = columns.transpose(2, 0, 1, 3)
-        turned = columns.swapaxes(2, 3)
-        along, border, normal = turned @ residual, turned @ known, turned @ columns
-        if not own:
-            along, border, normal = (x.sum(1, keepdims=True) for x in (along, border, normal))
-        n, U, c = normal.shape[:3]
-        if known.shape[2]:
+    def of(products: LawProducts, length: Floats, *, own: bool) -> "_Equations":
+        """From the products of laws, of each unit on its own or all together."""
+        normal, border, along = products if own else (x.sum(1, keepdims=True) for x in products)
+        n, U, c = along.shape
+        if border.shape[3]:
             whole = np.zeros((n, U, c, U, c))
             whole[:, np.arange(U), :, np.arange(U)] = normal.swapaxes(0, 1)
             flat = border.reshape(n, U * c, -1)
             normal = (whole.reshape(n, U * c, -1) - flat @ flat.swapaxes(1, 2))[:, None]
-        return _Equations(normal, along.reshape(*normal.shape[:3]), length)
+        return _Equations(normal, along.reshape(*normal.shape[:3]), length, U, c)
 
-    def by_extent(self, units: int, width: int) -> Iterator[tuple[Floats, Floats]]:
+    def by_extent(self) -> Iterator[tuple[Floats, Floats]]:
         """Squares (n, some) that some columns explain, and how many directions of them are seen: all columns of so many
         a unit, those of each axis, which follow each other, and those of each unit."""
-        groups = self.normal.shape[1]
+        (_, groups), units, width = self.normal.shape[:2], self.units, self.width
         every = np.arange(units * width // groups).reshape(-1, width)
         squares, seen = self._explained_by(every.reshape(1, -1))
         yield squares.sum(1), seen.sum(1)
@@ -160,7 +154,14 @@ class _Equations(NamedTuple):
         return np.where(seen, u**2 / np.where(seen, m, 1.0), 0.0).sum(-1), seen.sum(-1).astype(float)
 
 
-def _judged(squares: Floats, numbers: Floats, space: ResidualSpace) -> _Explained:
+def _judged(equations: _Equations, space: ResidualSpace) -> _Explained:
+    """What laws explain: on all there is, on one axis alone, or in one unit: one of these, and in each one of some."""
+    found = [_explained(*squares, space) for squares in equations.by_extent()]
+    nats = _mean_of_shown(np.stack([x.nats for x in found], axis=1))
+    return _Explained(nats, np.minimum(len(found) * np.min([x.chance for x in found], axis=0), 1.0))
+
+
+def _explained(squares: Floats, numbers: Floats, space: ResidualSpace) -> _Explained:
     """What laws explain by the squares (n, some) of some of their columns, of which they have one alone, and by so many
     numbers."""
     share = np.minimum(squares / space.rest, 1 - 1e-9)
