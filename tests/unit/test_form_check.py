@@ -241,6 +241,27 @@ def test_a_cause_is_compared_together_with_those_that_it_cannot_be_told_from(
     assert together < 0.5 * alone
 
 
+def _late(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
+    """What comes on in the last part of each dwell."""
+    return w.a, 1e-3 * rng.normal(size=3) * (w.away > 0.5)[:, None]
+
+
+@pytest.mark.parametrize(("hidden", "ahead"), [(_late, True), (KNOWN["lever-arm"], False)])
+def test_what_changes_within_the_dwells_is_compared_with_courses_that_do_not_die_away(
+    hidden: Hidden, ahead: bool
+) -> None:
+    table, _ = hide(recipe(1), hidden, 5, units=2, d=25.0)
+    bare = initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+    (effect,) = (e for e in cause_library(recipe(1)) if e.id == "lever-arm")
+    shapes = candidates(effect, bare.view)
+    now = score_bank(bare, [build_bank(shapes, bare.view.layout, moving=True)], bare.fit().floor)
+    best = now.candidates[int(now.readings().evidence[0].argmax())]
+    known = refined(bare.with_accepted([now.accept(best, bare.view)]))
+    laws = compare_laws(known, 0, known.fit().floor)
+    assert laws.is_ahead is ahead
+    assert not ahead or laws.words == ("dwell-phase",)
+
+
 @pytest.mark.parametrize(("lead", "chance", "ahead"), [(6.0, 0.0, True), (6.0, 0.1, False), (4.0, 0.0, False)])
 def test_a_law_is_ahead_only_where_chance_does_not_bring_it_there(lead: float, chance: float, ahead: bool) -> None:
     assert RivalLaws(lead, ("input",), chance).is_ahead is ahead

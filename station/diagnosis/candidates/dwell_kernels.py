@@ -25,6 +25,11 @@ MOVING_KERNEL = "dwell-phase"
 #: That of one course, and the share of a dwell after which a third of it is left.
 FADING_KERNEL, FADE_SHARE = "dwell-phase/fading", 0.25
 
+#: Shares of a dwell from which something climbs, up to which it is there, at which it is largest; its waves in a dwell.
+CLIMBS, ENDS, TOPS, WAVES = (0.0, 0.3, 0.6), (0.06, 0.12, 0.25, 0.4, 0.7), (0.05, 0.12, 0.3), (0.8, 1.25)
+#: Points of a block at which a course is looked up.
+POINTS = 24
+
 
 def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
     """Any course within the dwell, the same at each visit or in proportion to the last move or the input; and what
@@ -43,6 +48,28 @@ def dwell_kernels(view: ResidualView) -> Iterator[Candidate]:
         fading.append(each_axis(way_of(turns_of(view))))
     middle = np.mean((np.cumsum(count, axis=1) - count / 2) / count.sum(1, keepdims=True), axis=0)
     yield from _kernels(FADING_KERNEL, np.exp(-middle / FADE_SHARE)[:, None], fading, view)
+
+
+def courses_in_dwells(view: ResidualView) -> Iterator[CauseColumns]:
+    """What changes from block to block as nothing that dies away does, the same at each visit or in proportion to the
+    last move."""
+    count, a = view.reduced.count, view.nominal_stimulus
+    edges = np.append(0.0, view.reduced.edges)
+    within = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(POINTS) + 0.5) / POINTS
+    courses = _courses(within).mean(axis=1)
+    mean, contrast = mean_and_contrasts(np.broadcast_to(courses, (len(count), *courses.shape)), count)
+    for size in (np.ones_like(a), steps_before(view, a)):
+        for still, moving in zip(mean.T, contrast.transpose(2, 0, 1), strict=True):
+            moves = own_axis(moving[..., None] * size[:, None])
+            yield CauseColumns.in_bank(view, own_axis(still[:, None] * size), moves)
+
+
+def _courses(x: Floats) -> Floats:
+    """Courses (…, c) at shares of a dwell: what climbs, ends, rises and falls, or swings."""
+    climbing, ending = [np.maximum(x - at, 0.0) for at in CLIMBS], [1.0 * (x < at) for at in ENDS]
+    falling = [x * np.exp(-x / at) for at in TOPS]
+    swinging = [f(2 * np.pi * waves * x) for waves in WAVES for f in (np.sin, np.cos)]
+    return np.stack([*climbing, *ending, *falling, *swinging], axis=-1)
 
 
 def _kernels(name: str, courses: Floats, sizes: Iterable[Floats], view: ResidualView) -> Iterator[Candidate]:

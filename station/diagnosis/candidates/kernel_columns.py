@@ -49,8 +49,8 @@ def each_axis(functions: Array) -> Floats:
 
 
 def own_axis(values: Floats) -> Floats:
-    """Values (v, 3) of each axis on that axis alone: columns (v, 3, 3)."""
-    return np.asarray(np.eye(3) * values[:, None, :])
+    """Values (…, 3) of each axis on that axis alone: columns (…, 3, 3)."""
+    return np.asarray(np.eye(3) * values[..., None, :])
 
 
 def packed_codes(code: Array) -> tuple[NDArray[np.int32], tuple[str, ...]]:

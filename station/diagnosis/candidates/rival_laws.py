@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidates
 from station.diagnosis.candidates.columns import CauseColumns
+from station.diagnosis.candidates.dwell_kernels import courses_in_dwells
 from station.diagnosis.candidates.kernel_columns import packed_codes
 from station.diagnosis.candidates.kernels import acts_by
 from station.diagnosis.candidates.law_forms import (
@@ -195,6 +196,8 @@ def _changing(cause: Candidate, view: ResidualView, curves: Mapping[str, Curves]
             changed = CauseColumns.of(visit * x[:, None, None], dwell * x[:, None, None, None])
             law = law_of_cause(cause, f"dwell-phase*{name}", changed)
             yield from _of_each(law, view)
+        if cause.effect is not None and acts_by(cause.effect) == "dwell-phase":
+            yield from (law_of_cause(cause, "dwell-phase", columns) for columns in courses_in_dwells(view))
     elif cause.effect is not None and cause.pattern != "scan":
         word = acts_by(cause.effect)
         # What follows the temperature and changes with it is a cause of the library of another degree.
