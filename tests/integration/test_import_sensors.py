@@ -164,6 +164,30 @@ def test_a_turn_rate_is_not_taken_for_gravity_in_counts(
     check(understood(capsys, str(path)), axes=["column 1", "column 2", "column 3"], visits=8)
 
 
+def test_a_compass_that_an_aircraft_turns_is_found_beside_the_field_of_the_map(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Columns without names: time, the compass, pitch, roll and yaw, and the field of the place, which hardly moves."""
+    n = 3000
+    leg = np.arange(n) // 150
+    yaw = np.deg2rad(137.0 * leg)
+    pitch, roll = (np.deg2rad(8 * np.sin(k * leg)) for k in (1.7, 2.9))
+    place = np.array([17700.0, -3950.0, 50820.0]) + np.linspace(0, 60, n)[:, None]
+    z = np.zeros(n)
+    about_z = np.stack([np.cos(yaw), np.sin(yaw), z, -np.sin(yaw), np.cos(yaw), z, z, z, z + 1], axis=1).reshape(
+        n, 3, 3
+    )
+    level = np.einsum("nij,nj->ni", about_z, place)
+    body = level + np.cross(np.stack([roll, pitch, z], axis=1), level)
+    body = body + rng.normal(0, 5, (n, 3)) + np.array([300.0, -200.0, 900.0])
+    path = tmp_path / "flight.txt"
+    angles = np.rad2deg(np.stack([pitch, roll, yaw % (2 * np.pi)], axis=1))
+    np.savetxt(path, np.column_stack([46370 + 0.1 * np.arange(n), body, angles, place]), fmt="%.6f", delimiter="\t")
+    one = understood(capsys, str(path))
+    check(one, reading_unit="uT", visits_by="rest")
+    assert one["axes"] == ["column 1", "column 2", "column 3"]
+
+
 def test_counts_about_the_middle_of_a_converter_are_found_beside_a_compass(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:

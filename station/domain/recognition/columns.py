@@ -43,6 +43,8 @@ NEAR_GRAVITY = 0.05
 NEARLY_ALWAYS = 0.95
 #: A sensor that is turned shows means that scatter by this share of their magnitude.
 LEAST_TURN = 0.2
+#: A field that ranges over less than this share of itself is a map's and goes round no ellipsoid, near one as it lies.
+LEAST_RANGE = 0.01
 
 
 #: Places of the columns that are x, y, z.
@@ -229,14 +231,16 @@ def _unlikely(reading: Floats, quantity: Quantity) -> tuple[int, float]:
     scatter = np.linalg.norm(_stretches(reading).std(axis=1), axis=1)
     quiet = scatter <= np.median(scatter)
     turn = float(np.linalg.norm(means[quiet].std(axis=0)))
-    turns = turn > max(LEAST_TURN * size, float(np.median(scatter))) or off < visits.NEAR_ELLIPSOID
+    round_it = off < visits.NEAR_ELLIPSOID and float(np.ptp(means, axis=0).max()) > LEAST_RANGE * size
+    turns = turn > max(LEAST_TURN * size, float(np.median(scatter))) or round_it
     whole = bool(np.all(np.nan_to_num(reading[:1000]) % 1 == 0))
     if not turns or not np.isfinite(spread):
         still = quantity.unit == "g" and not whole and _is_gravity(size, quantity)
         return (1 if still else 4), spread
-    if quantity.unit == "uT" and off >= visits.NEAR_ELLIPSOID:
-        return 5, spread
     known = not whole and from_magnitude(means, quantity, whole=False).unit != "LSB"
+    # Turned in part, as an aircraft is, a compass shows its field by a magnitude that stays.
+    if quantity.unit == "uT" and off >= visits.NEAR_ELLIPSOID and not (known and spread < visits.NEAR_ELLIPSOID):
+        return 5, spread
     # Counts of a power of two a g are an accelerometer's.
     gravity = whole and quantity.unit == "uT" and from_magnitude(means, QUANTITIES["g"], whole=True).exact
     return (0 if known else 2) + int(gravity), spread
