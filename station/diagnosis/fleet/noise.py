@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betainc, betaln
-from scipy.stats import chi2
+from scipy.special import betainc, betaln, chdtri
 
 from station.domain.core.types import Floats
 
@@ -64,9 +63,9 @@ def response_noise(responses: Floats, groups: Sequence[object]) -> ResponseNoise
         value, vector = np.linalg.eigh(np.cov(apart[inside].T))
         loud = value > _QUIETEST * value[-1]
         whiten = (vector[:, loud] / np.sqrt(value[loud])).T
-        limit = chi2.ppf(_KEPT_SHARE, len(whiten))
+        limit = chdtri(len(whiten), 1 - _KEPT_SHARE)
         distance = ((apart @ whiten.T) ** 2).sum(axis=1)
-        inside = distance <= limit * np.median(distance) / chi2.median(len(whiten))
+        inside = distance <= limit * np.median(distance) / chdtri(len(whiten), 0.5)
     whiten = _as_summed(apart, whiten)
     # Medians of the responses themselves would not hang together as their quiet directions do.
     freedom = len(apart) - int((count > 1).sum())

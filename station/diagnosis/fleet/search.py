@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from station.diagnosis.fleet.candidate import SharedCandidate
 from station.diagnosis.fleet.interval import GroupUnits, best_stretch
@@ -78,7 +78,7 @@ def search_shared(
     dispersion = 1.0
     for _ in range(MOST_FINDINGS if candidates else 0):
         tests = [fit.test(candidate) for candidate in candidates]
-        ratio = [test / chi2.median(max(rank, 1)) for test, rank in tests if rank]
+        ratio = [test / chdtri(max(rank, 1), 0.5) for test, rank in tests if rank]
         dispersion = max(1.0, float(np.median(ratio)) if ratio else 1.0)
         always = np.array([noise.log_chance(test / dispersion, rank) if rank else 0.0 for test, rank in tests])
         price = np.log(len(candidates)) - np.log(_ALWAYS)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from station.diagnosis.fleet.candidate import SharedCandidate
 from station.diagnosis.fleet.moments import FleetCell
@@ -85,7 +85,7 @@ class StretchSearch:
     def _dispersion(self, scans: Sequence[GroupScan], whole: float) -> float:
         """By how much chance is larger than the noise says within groups, too: the median of all tests."""
         ratios = [
-            median / chi2.median(rank)
+            median / chdtri(rank, 0.5)
             for group, scan in zip(self._groups, scans, strict=True)
             for median, rank in zip(scan.medians(group.causes), group.causes.rank, strict=False)
             if rank

@@ -49,4 +49,4 @@ def _group(values: Floats) -> GroupMean:
 
 
 def _t(dof: float, level: float = LEVEL) -> float:
-    return float(scipy.stats.t.ppf((1 + level) / 2, dof))
+    return float(scipy.special.stdtrit(dof, (1 + level) / 2))

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 
 from station.domain.core.types import Floats
 from station.errors import UsageError
@@ -74,8 +75,6 @@ def type1(
     x = np.asarray(readings, float)
     if len(x) < 2 or tolerance <= 0:
         raise UsageError("type-1-too-few", readings=len(x))
-    from scipy.stats import t as student
-
     n, mean, s = len(x), float(x.mean()), float(x.std(ddof=1))
     bias = mean - reference
     if s == 0:
@@ -87,7 +86,7 @@ def type1(
         s=s,
         bias=bias,
         t=t,
-        p=float(2 * student.sf(abs(t), n - 1)),
+        p=float(2 * scipy.special.stdtr(n - 1, -abs(t))),
         cg=k_percent / 100 * tolerance / (spread * s),
         cgk=(k_percent / 200 * tolerance - abs(bias)) / (spread / 2 * s),
         resolution_share=resolution / tolerance if resolution else None,
@@ -99,8 +98,6 @@ def anova(readings: Floats, tolerance: float | None = None) -> GaugeStudy:
 
     An interaction with p > 0.25 is pooled into repeatability, as AIAG does.
     """
-    from scipy.stats import f as fisher
-
     x = _crossed(readings)
     p, a, r = x.shape
     grand, part_means, appraiser_means, cell = x.mean(), x.mean((1, 2)), x.mean((0, 2)), x.mean(2)
@@ -111,7 +108,7 @@ def anova(readings: Floats, tolerance: float | None = None) -> GaugeStudy:
     df_interaction, df_error = (p - 1) * (a - 1), p * a * (r - 1)
     ms_error = ss_error / df_error
     ms_interaction = ss_interaction / df_interaction
-    pooled = ms_error == 0 or float(fisher.sf(ms_interaction / ms_error, df_interaction, df_error)) > 0.25
+    pooled = ms_error == 0 or float(scipy.special.fdtrc(df_interaction, df_error, ms_interaction / ms_error)) > 0.25
     if pooled:
         ms_error = ms_interaction = (ss_error + ss_interaction) / (df_error + df_interaction)
     study = _summary(
@@ -160,8 +157,6 @@ def _intervals(
 def _large_sample(parts: Floats, dof: Floats) -> tuple[float, float]:
     """95 % interval of a sum of mean squares with positive weights (n), dof (n) degrees of freedom each: the modified
     large-sample method (Graybill & Wang 1980, J. Am. Stat. Assoc. 75, 869)."""
-    import scipy
-
     below = 1 - dof / scipy.special.chdtri(dof, 0.025)
     above = dof / scipy.special.chdtri(dof, 0.975) - 1
     total = float(parts.sum())

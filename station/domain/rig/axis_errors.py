@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from station.domain.core import rotation
 from station.domain.core.types import Floats
@@ -108,7 +108,7 @@ def estimate_axis_errors(rig: RigMap, units: Sequence[UnitOnAxes]) -> AxisErrors
     dof = len(left) - 12 * len(units) - int(shown.sum())
     variance = float(left @ left) / max(dof, 1)
     std = np.sqrt(np.diag(covariance) * variance)
-    factor = float(stats.t.ppf(0.975, max(dof, 1)))
+    factor = float(scipy.special.stdtrit(max(dof, 1), 0.975))
     found = [
         AxisError(*kind, float(e), float(s), factor * float(s)) if ok else AxisError(*kind, None, None, None)
         for kind, e, s, ok in zip(kinds, errors, std, shown, strict=True)
