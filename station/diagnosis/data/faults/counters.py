@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.diagnosis.data.faults.gross_fault import FaultParameter, GrossFault, block_gain, halves_of, unit_label
+from station.diagnosis.data.faults.tone_power import NORMAL_95
 from station.domain.core.types import Floats, SampleTable
+from station.domain.methods import coverage
 from station.domain.recipe.recipe import Recipe
 
 #: Events in the whole table from which a bus is not healthy.
 MIN_EVENTS = 2
+#: By so many more events the square root of a count is what 1.96 of it cover the mean with, be it as small as two.
+MORE_EVENTS = 2
 #: Chance of an event on a healthy bus, for the evidence.
 HEALTHY_EVENT_RATE = 1e-6
 
@@ -92,7 +96,7 @@ def _fault(
     units = len(table.unit.names)
     hits, tries = (np.bincount(unit, x, units) for x in (events, of))
     share = hits / np.maximum(tries, 1)
-    std = np.sqrt(np.maximum(share * (1 - share), 1 / np.maximum(tries, 1)) / np.maximum(tries, 1))
+    std = [_share_std(events[unit == u], of[unit == u]) for u in range(units)]
     numbers = tuple(
         FaultParameter("fraction", None, unit_label(table.unit, u), float(share[u]), float(std[u]), "1")
         for u in range(units)
@@ -103,6 +107,19 @@ def _fault(
     mine = hits[unit] > 0
     gain = block_gain(_held_out_scores(events[mine], of[mine]), of[mine].astype(float), "frame")
     return GrossFault(name, "unit", numbers, f"{total} of {all_of} frames {verb}", float(nats), gain=gain)
+
+
+def _share_std(events: NDArray[np.int64], of: NDArray[np.int64]) -> float:
+    """Standard deviation of the share of events in visits (v) of so many frames, of which 1.96 cover 95 %. Frames are
+    lost in bursts: where visits differ by more than single losses would have it, the bursts count."""
+    total, tries = int(events.sum()), max(int(of.sum()), 1)
+    share, free = total / tries, len(events) - 1
+    expected = of * share * (1 - share)
+    burst = float(np.sum((events - of * share) ** 2 / np.maximum(expected, 1e-300))) / free if total and free else 1.0
+    if burst < 1 + np.sqrt(2 / max(free, 1)):
+        return float(np.sqrt((total + MORE_EVENTS) * (1 - share))) / tries
+    widened = float(coverage.factor(np.array(float(free)))) / NORMAL_95
+    return widened * float(np.sqrt(burst * (total + MORE_EVENTS * burst) * (1 - share))) / tries
 
 
 def _held_out_scores(events: NDArray[np.int64], of: NDArray[np.int64]) -> Floats:
