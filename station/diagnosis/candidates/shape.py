@@ -35,6 +35,8 @@ class FormEstimate:
 
 #: Frequencies tried where a cause may ring, Hz, beyond which a block of samples holds whole waves.
 RINGING_HZ = (*(2.0 + 0.5 * i for i in range(13)), 8.7, 9.4, 10.2, 11.0, 12.0)
+#: Share of the greatest evidence from which another frequency may be the right one: its peak lies between those tried.
+LIKELY_SHARE = 0.3
 
 
 def tunable_parameters(effect: Effect | None) -> tuple[Parameter, ...]:
@@ -53,14 +55,31 @@ def may_ring(effect: Effect | None) -> bool:
 
 def with_ringing(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
     """The candidate with the frequency and the time constant that explain most, roughly."""
+    return _best([candidate, *_ringings(candidate, view)], view, space)
+
+
+def likely_ringings(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> list[Candidate]:
+    """The candidate at each frequency, of those that are tried, that explains more than both its neighbours and nearly
+    as much as any, at the time constant that suits it."""
+    tried = _ringings(candidate, view)
+    nats = evidences_of(tried, view, space).reshape(len(RINGING_HZ), -1)
+    best = nats.max(axis=1)
+    beside = np.maximum(np.append(best[1:], -np.inf), np.append(-np.inf, best[:-1]))
+    likely = np.flatnonzero((best >= beside) & (best > LIKELY_SHARE * best.max()))
+    return [tried[i * nats.shape[1] + int(nats[i].argmax())] for i in likely]
+
+
+def _ringings(candidate: Candidate, view: ResidualView) -> list[Candidate]:
+    """The candidate at all frequencies that are tried, each with all time constants."""
     assert candidate.effect is not None
     field = next(p.field for p in candidate.effect.forms if p.name == "frequency")
     # Of waves that die away within a few periods, peaks are narrow in both: between the values of the bank, one more.
     others = [(p.field, v) for p in candidate.effect.forms for v in _densified(p.grid)] or [(field, 0.0)]
-    found = [candidate]
-    for hz in RINGING_HZ:
-        found += [with_form(candidate, replace(candidate.effect, **{other: v, field: hz}), view) for other, v in others]
-    return _best(found, view, space)
+    return [
+        with_form(candidate, replace(candidate.effect, **{other: v, field: hz}), view)
+        for hz in RINGING_HZ
+        for other, v in others
+    ]
 
 
 def _densified(grid: tuple[float, ...]) -> tuple[float, ...]:
@@ -70,10 +89,10 @@ def _densified(grid: tuple[float, ...]) -> tuple[float, ...]:
 
 def evidence_of(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> float:
     """Log evidence of one candidate."""
-    return float(_evidence([candidate], view, space)[0])
+    return float(evidences_of([candidate], view, space)[0])
 
 
-def _evidence(candidates: Sequence[Candidate], view: ResidualView, space: ResidualSpace) -> Floats:
+def evidences_of(candidates: Sequence[Candidate], view: ResidualView, space: ResidualSpace) -> Floats:
     """Log evidence (candidates) of shapes of one cause."""
     bank = build_bank(candidates, view.layout, moving=candidates[0].moving)
     return project_bank(bank, view.layout, [space])[0].evidence
@@ -81,7 +100,7 @@ def _evidence(candidates: Sequence[Candidate], view: ResidualView, space: Residu
 
 def _best(candidates: Sequence[Candidate], view: ResidualView, space: ResidualSpace) -> Candidate:
     """The shape of the greatest evidence."""
-    return candidates[int(_evidence(candidates, view, space).argmax())]
+    return candidates[int(evidences_of(candidates, view, space).argmax())]
 
 
 def with_form_value(candidate: Candidate, field: str, value: float, view: ResidualView) -> Candidate:

@@ -6,13 +6,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from station.diagnosis.candidates.bank import build_bank
+from station.diagnosis.candidates.bank import Candidate, build_bank
 from station.diagnosis.candidates.nuisance import AcceptedCause, accept_candidate
-from station.diagnosis.candidates.shape import FormEstimate, tunable_parameters, tune_form, with_form_value
+from station.diagnosis.candidates.shape import (
+    FormEstimate,
+    evidence_of,
+    evidences_of,
+    likely_ringings,
+    log_range,
+    tunable_parameters,
+    tune_form,
+    with_form_value,
+)
 from station.diagnosis.candidates.solve import WhiteRows, solve, whitened, with_priors
+from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import FittedFloor
+from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.results.covariate_posterior import sizes_beside_error
-from station.diagnosis.results.form_posterior import FormPosterior, form_posterior
+from station.diagnosis.results.form_posterior import LAST_NATS, form_posterior
+from station.diagnosis.results.joint_form import JointForm, weigh_together
 from station.diagnosis.search.problem import refined, visit_interval_s
 from station.diagnosis.search.scoring import AmplitudeLikelihood, ScoringProblem, score_bank
 from station.domain.core.types import Floats
@@ -40,7 +52,7 @@ class Estimate:
 
 def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Estimate, ...]]:
     """The problem with every form fitted beside the other causes, and the estimates of all accepted causes."""
-    forms: list[tuple[FormPosterior, ...]] = []
+    forms: list[JointForm | None] = []
     items = list(problem.accepted)
     fitted = problem.fit()
     for i in range(len(items)):
@@ -53,28 +65,51 @@ def estimate_causes(problem: ScoringProblem) -> tuple[ScoringProblem, tuple[Esti
     gap_s = visit_interval_s(problem.view)
     sized = [_size(problem, i, *found[i], forms[i], fitted) for i in range(len(items))]
     return problem, tuple(
-        Estimate(item, value, std, _estimates(form), gap_s)
+        Estimate(item, value, std, () if form is None else form.estimates, gap_s)
         for item, (value, std), form in zip(problem.accepted, sized, forms, strict=True)
     )
 
 
-def _estimates(form: Sequence[FormPosterior]) -> tuple[FormEstimate, ...]:
-    return tuple(p.estimate for p in form)
-
-
-def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[AcceptedCause, tuple[FormPosterior, ...]]:
+def _tuned(problem: ScoringProblem, i: int, fitted: FittedFloor) -> tuple[AcceptedCause, JointForm | None]:
     """A cause with its form fitted, the others as they are."""
     item = problem.accepted[i]
     parameters = tunable_parameters(item.candidate.effect)
     if not parameters:
-        return item, ()
+        return item, None
     bare = problem.without(i)
     space = bare.space(fitted.floor, moving=item.candidate.moving)
     candidate, best = tune_form(item.candidate, bare.view, space)
-    found = tuple(form_posterior(candidate, b, p, bare.view, space) for b, p in zip(best, parameters, strict=True))
-    for p in found:
-        candidate = with_form_value(candidate, p.estimate.field, p.estimate.value, bare.view)
-    return replace(item, candidate=candidate), found
+    if len(best) == 1:
+        found = JointForm.of_one(form_posterior(candidate, best[0], parameters[0], bare.view, space))
+    else:
+        found = _peaks(candidate, best, bare.view, space)
+    fields, values = [e.field for e in found.estimates], np.array([e.value for e in found.estimates])
+    return replace(item, candidate=_shaped(candidate, fields, values, bare.view)), found
+
+
+def _peaks(candidate: Candidate, best: Sequence[FormEstimate], view: ResidualView, space: ResidualSpace) -> JointForm:
+    """What a wave may be: the peak at its best form, and others that explain nearly as much."""
+    fields = [b.field for b in best]
+    bounds = [log_range(p) for p in tunable_parameters(candidate.effect)]
+
+    def evidence_at(logs: Floats) -> Floats:
+        return evidences_of([_shaped(candidate, fields, x, view) for x in np.exp(logs)], view, space)
+
+    peaks = [weigh_together(best, bounds, evidence_at)]
+    for start in likely_ringings(candidate, view, space):
+        other, at = tune_form(start, view, space)
+        if evidence_of(other, view, space) < evidence_of(candidate, view, space) - LAST_NATS:
+            continue
+        if not any(peak.holds(np.array([b.value for b in at])) for peak in peaks):
+            peaks.append(weigh_together(at, bounds, evidence_at))
+    return JointForm.of_peaks(peaks)
+
+
+def _shaped(candidate: Candidate, fields: Sequence[str], values: Floats, view: ResidualView) -> Candidate:
+    """The candidate with other values (p) of parameters of its form."""
+    for field, value in zip(fields, values, strict=True):
+        candidate = with_form_value(candidate, field, float(value), view)
+    return candidate
 
 
 def joint_coefficients(
@@ -94,7 +129,7 @@ def _white(problem: ScoringProblem, fitted: FittedFloor) -> WhiteRows:
 
 
 def _size(
-    problem: ScoringProblem, i: int, value: Floats, std: Floats, form: Sequence[FormPosterior], fitted: FittedFloor
+    problem: ScoringProblem, i: int, value: Floats, std: Floats, form: JointForm | None, fitted: FittedFloor
 ) -> tuple[Floats, Floats]:
     """A cause's coefficients (groups, axes) and standard deviations of which 1.96 cover 95 %. They include the
     uncertainty of the usual size, which shrinks the coefficients, of the covariate, of the form and of the noise.
@@ -107,16 +142,16 @@ def _size(
     usual = _usual_sizes(bare, item, fitted)
     if (beside := sizes_beside_error(bare, item, value, usual.spread, fitted)) is not None:
         return beside[0], widened * beside[1]
-    at_best = _second_moment(bare, i, item, value, fitted, usual)
-    variance = at_best.copy()
-    for p in form:
-        moved = [with_form_value(item.candidate, p.estimate.field, float(at), problem.view) for at in p.values]
+    variance = _second_moment(bare, i, item, value, fitted, usual)
+    if form is not None:
+        fields = [e.field for e in form.estimates]
+        likely = form.weights > NEGLIGIBLE
         each = [
             w * _second_moment(bare, i, other, value, fitted, _usual_sizes(bare, other, fitted))
-            for other, w in zip((replace(item, candidate=c) for c in moved), p.weights, strict=True)
-            if w > NEGLIGIBLE
+            for w, values in zip(form.weights[likely], form.values[likely], strict=True)
+            for other in (replace(item, candidate=_shaped(item.candidate, fields, values, problem.view)),)
         ]
-        variance += np.maximum(np.sum(each, axis=0) - at_best, 0.0)
+        variance = np.maximum(variance, np.sum(each, axis=0))
     return value, np.asarray(widened * np.sqrt(variance))
 
 
