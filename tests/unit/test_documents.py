@@ -128,9 +128,9 @@ def test_a_missing_key_is_named(tmp_path: Path) -> None:
     ],
 )
 def test_hostile_files_end_in_a_sentence_soon(tmp_path: Path, raw: bytes) -> None:
-    begin = time.monotonic()
+    begin_s = time.process_time()
     assert len(sentence(written(tmp_path, raw))) < 4000
-    assert time.monotonic() - begin < 5
+    assert time.process_time() - begin_s < 5
 
 
 def test_an_alias_is_what_its_anchor_was(tmp_path: Path) -> None:

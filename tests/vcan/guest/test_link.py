@@ -10,6 +10,7 @@ from vcan_harness.raw import RawSocket
 
 Open = Callable[..., RawSocket]
 _ERROR_FLAG = 0x2000_0000
+_MOST_ROUNDS = 300
 
 
 def test_a_frame_sent_by_one_socket_arrives_at_another(vcan: Interface, raw_socket: Open) -> None:
@@ -70,8 +71,11 @@ def test_a_shaped_bus_carries_frames_at_its_bit_rate(
         assert [receiver.receive() for _ in frames] == frames
         return time.monotonic() - started
 
-    rounds_s = [round_s() for _ in range(5)]
-    # The bucket holds two frames, which go at once. No round beats the bus; one at least was not held up elsewhere.
+    # The bucket holds two frames, which go at once. No round beats the bus; one at least is not held up elsewhere, as a
+    # busy machine does to many in a row.
     wire_s = (len(frames) - 2) * 135 / bitrate
+    rounds_s = [round_s() for _ in range(5)]
+    while min(rounds_s) >= 1.25 * wire_s and len(rounds_s) < _MOST_ROUNDS:
+        rounds_s.append(round_s())
     assert min(rounds_s) >= wire_s
     assert min(rounds_s) < 1.25 * wire_s
