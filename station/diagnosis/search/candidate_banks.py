@@ -19,6 +19,7 @@ from station.diagnosis.candidates.free_visits import says_nothing
 from station.diagnosis.candidates.law_families import LawFamily
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.search.narrow_laws import laws_to_find
+from station.model.effects.disturbed_visit import DisturbedVisit
 
 #: Where two simulations differ by less than this share of the stimulus a cause looks alike in both, but for that share.
 SAME_SIGNATURE_SHARE = 1e-3
@@ -56,6 +57,9 @@ class CandidateBanks:
 def all_candidates(view: ResidualView) -> tuple[Candidate, ...]:
     """Every cause and kernel that these data could show."""
     effects = [e for e in cause_library(view.scene.recipe) if is_testable(e, view)]
+    if view.grid.k == 1:
+        # A turn shows in no length: what a disturbed visit is longer or shorter by is among the readings below.
+        effects = [e for e in effects if e.id != DisturbedVisit.id]
     items = [c for e in effects for c in candidates(e, view)]
     items = [*items, *generic.kernel_candidates(view), *generic.disturbed_readings(view)]
     # Levels that group alike have one code: of a fleet's hundreds, and each as long as its visits.
