@@ -211,3 +211,17 @@ def test_one_rest_means_the_same_however_it_is_cut(
         shown.append((said["verdict"], said["causes"]))
     assert shown == [shown[0]] * len(cuts_s)
     assert shown[0][0] != "none"
+
+
+@pytest.mark.parametrize(("comments", "axes"), [
+    (["data of sensor one"], ["column 1", "column 2", "column 3"]),
+    (["made by bench four", "time ax ay az", "s g g g"], ["ax", "ay", "az"]),
+])  # fmt: skip
+def test_a_sentence_of_as_many_words_as_columns_names_none(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, comments: list[str], axes: list[str]
+) -> None:
+    path = tmp_path / "tumble.txt"
+    y = tumble(rng)
+    head = "\n".join(f"% {line}" for line in comments)
+    np.savetxt(path, np.c_[np.arange(len(y)) / 100, y], "%.5f", " ", header=head, comments="")
+    assert understood(capsys, str(path))["axes"] == axes

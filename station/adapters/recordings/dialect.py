@@ -6,7 +6,9 @@ from collections import Counter
 from dataclasses import dataclass
 
 from station.adapters.recordings.limits import check_column_names
+from station.domain.recognition import time_column
 from station.domain.recognition.axis_names import are_lettered
+from station.domain.recognition.quantities import QUANTITIES, canonical
 from station.errors import SamplesError
 
 _NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$|^0x[0-9a-f]{1,8}$", re.IGNORECASE)
@@ -183,9 +185,9 @@ def _header(
 ) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
     """Names and units of the columns by the lines above the data; a comment may be the header."""
     above = _called_header(lines) or [line for line in lines if line.strip()][-MOST_HEADER:]
-    cut = [split(_COMMENT.sub("", line), delimiter) for line in above]
+    cut = [split(_COMMENT.sub("", line), delimiter) for line in above if not _is_prose(line, delimiter)]
     heads = [cells for cells in cut if len(cells) == columns and not any(is_number(c) for c in cells)]
-    if not heads and above:
+    if not heads and cut:
         heads = _of_other_length(cut[-1], columns, rows)
     if not heads:
         return None, ("",) * columns
@@ -196,6 +198,16 @@ def _header(
     if len(set(plain)) < len(plain):
         plain = names
     return tuple(n or f"column {i}" for i, n in enumerate(plain)), tuple(u.strip(" []()") for u in units)
+
+
+def _is_prose(line: str, delimiter: str) -> bool:
+    """Whether a comment beside numbers that blanks separate is a sentence: it names no axes, time or unit, and by
+    chance it has as many words as there are columns."""
+    if delimiter != " " or not is_comment(line):
+        return False
+    words = split(_COMMENT.sub("", line), delimiter)
+    of_unit = any(canonical(word, q) for word in words for q in QUANTITIES.values())
+    return not (are_lettered(words) or of_unit or any(time_column.NAMES.search(word) for word in words))
 
 
 def _names_and_units(heads: list[list[str]]) -> tuple[list[str], list[str]]:
