@@ -1,16 +1,19 @@
 """A parameter of a form is found wherever it is looked for from."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import Candidate, candidate_in_view, candidates, cause_library
-from station.diagnosis.candidates.shape import log_range, tune_form, with_form_value
+from station.diagnosis.candidates.shape import evidence_of, log_range, tune_form, with_form_value, with_ringing
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
 from station.model.model_file import Model
-from tests.blind.bench import WHITE, hide
+from tests.blind.bench import WHITE, World, hide
+from tests.blind.hidden import adds
 from tests.blind.recipes import recipe
 
 
@@ -49,3 +52,22 @@ def test_a_time_constant_that_is_tuned_again_and_again_stays_within_its_range(en
     for _ in range(4):
         tuned, _ = tune_form(tuned, view, space)
         assert bounds[0] * 0.999 <= tuned.effect.time_constant_s <= bounds[1] * 1.001  # type: ignore[union-attr]
+
+
+def test_a_wave_on_a_ridge_of_its_frequency_and_its_constant_is_found() -> None:
+    """A wave that dies away within a quarter of its period looks like a slower one that lasts longer: climbing one
+    parameter after the other, a few steps end beside it, and on another peak far below it."""
+
+    def wave(w: World, rng: Any) -> Any:
+        left = np.exp(-w.away / 0.113) * np.cos(2 * np.pi * 2.21 * w.away)
+        return (w.before - w.a) * rng.amplitude(3e-2, (1, 3)) * left[:, None]
+
+    table, _ = hide(recipe(1), adds(wave), 31, floor=WHITE, d=40.0)
+    bare = initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+    (effect,) = (e for e in cause_library(recipe(1)) if e.id == "settling")
+    one = next(c for c in candidates(effect, bare.view) if c.of == "common")
+    space = bare.space(bare.fit().floor, moving=True)
+    true = with_form_value(with_form_value(one, "time_constant_s", 0.113, bare.view), "frequency_hz", 2.21, bare.view)
+    found = evidence_of(with_ringing(one, bare.view, space), bare.view, space)
+    # The best explains no less than the true one but for where the search ends.
+    assert found > evidence_of(true, bare.view, space) - 0.5

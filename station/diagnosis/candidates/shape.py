@@ -22,6 +22,8 @@ from station.model.effect import Effect, Parameter
 
 #: Nats by which a form is not worth improving further.
 MIN_IMPROVEMENT_NATS = 0.02
+#: Rounds in which one parameter of a form is tuned after the other, and nats below which one more is not worth it.
+MAX_ROUNDS, ROUND_NATS = 12, 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ class FormEstimate:
 #: Frequencies tried where a cause may ring, Hz, beyond which a block of samples holds whole waves.
 RINGING_HZ = (*(2.0 + 0.5 * i for i in range(13)), 8.7, 9.4, 10.2, 11.0, 12.0)
 #: Share of the greatest evidence from which another frequency may be the right one: its peak lies between those tried.
-LIKELY_SHARE = 0.3
+LIKELY_SHARE = 0.5
 
 
 def tunable_parameters(effect: Effect | None) -> tuple[Parameter, ...]:
@@ -54,8 +56,8 @@ def may_ring(effect: Effect | None) -> bool:
 
 
 def with_ringing(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
-    """The candidate with the frequency and the time constant that explain most, roughly."""
-    return _best([candidate, *_ringings(candidate, view)], view, space)
+    """The candidate with the frequency and the time constant that explain most."""
+    return _best([tune_form(start, view, space)[0] for start in likely_ringings(candidate, view, space)], view, space)
 
 
 def likely_ringings(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> list[Candidate]:
@@ -65,7 +67,8 @@ def likely_ringings(candidate: Candidate, view: ResidualView, space: ResidualSpa
     nats = evidences_of(tried, view, space).reshape(len(RINGING_HZ), -1)
     best = nats.max(axis=1)
     beside = np.maximum(np.append(best[1:], -np.inf), np.append(-np.inf, best[:-1]))
-    likely = np.flatnonzero((best >= beside) & (best > LIKELY_SHARE * best.max()))
+    top = float(best.max())
+    likely = np.flatnonzero((best >= beside) & (best >= min(LIKELY_SHARE * top, top)))
     return [tried[i * nats.shape[1] + int(nats[i].argmax())] for i in likely]
 
 
@@ -118,10 +121,18 @@ def tune_form(
     candidate: Candidate, view: ResidualView, space: ResidualSpace
 ) -> tuple[Candidate, tuple[FormEstimate, ...]]:
     """The candidate with its form at the greatest evidence, on a logarithmic scale."""
-    found = []
-    for p in tunable_parameters(candidate.effect):
-        candidate, result = _tune(candidate, p, view, space)
-        found.append(result)
+    parameters, before = tunable_parameters(candidate.effect), -np.inf
+    found = list[FormEstimate]()
+    # One parameter of a form is tuned after the other: where there are two, a ridge takes some rounds.
+    for _ in range(MAX_ROUNDS if len(parameters) > 1 else 1):
+        found = []
+        for p in parameters:
+            candidate, result = _tune(candidate, p, view, space)
+            found.append(result)
+        now = evidence_of(candidate, view, space) if len(parameters) > 1 else np.inf
+        if now - before < ROUND_NATS:
+            break
+        before = now
     return candidate, tuple(found)
 
 

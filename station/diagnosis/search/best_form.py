@@ -18,8 +18,6 @@ from station.diagnosis.search.alarm import UNKNOWN_NATS
 from station.diagnosis.search.rank import RankedCause
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 
-#: Rounds in which one parameter of a form is tuned after the other.
-MAX_ROUNDS = 6
 #: Share of the leading evidence from which a cause is worth tuning.
 PROMISING_SHARE = 0.25
 
@@ -39,7 +37,7 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
         space = problem.space(r.at.floor, moving=r.best.moving)
         best = _with_best_form(r.best, problem.view, space)
         if rings and may_ring(r.best.effect):
-            ringing = _with_best_form(with_ringing(r.best, problem.view, space), problem.view, space)
+            ringing = with_ringing(r.best, problem.view, space)
             quiet, loud = (evidence_of(c, problem.view, space) for c in (best, ringing))
             # A frequency is one more thing to choose: it must pay for itself.
             best = ringing if loud > quiet + UNKNOWN_NATS else best
@@ -53,13 +51,4 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
 def _with_best_form(candidate: Candidate, view: ResidualView, space: ResidualSpace) -> Candidate:
     """The candidate with its form at its best."""
     best = refine_jump_time(candidate, view, space) if has_jump(candidate.effect) else candidate
-    if not tunable_parameters(best.effect):
-        return best
-    found, before = tune_form(best, view, space)[0], evidence_of(best, view, space)
-    # One parameter of a form is tuned after the other: where there are two, it takes some rounds.
-    for _ in range(MAX_ROUNDS if len(tunable_parameters(best.effect)) > 1 else 0):
-        now = evidence_of(found, view, space)
-        if now - before < UNKNOWN_NATS:
-            break
-        found, before = tune_form(found, view, space)[0], now
-    return found
+    return tune_form(best, view, space)[0] if tunable_parameters(best.effect) else best
