@@ -230,6 +230,10 @@ def estimate_temperature_rate(
     return np.asarray(with_own_rates(slope, own_rates(temperature_degC, time_s, visit, len(visits)))[visit])
 
 
-def fit_temperature_courses(time_s: Floats, temperature_degC: Floats, visits: VisitTable) -> list[TemperatureCourse]:
+def fit_temperature_courses(
+    time_s: Floats, temperature_degC: Floats, visits: VisitTable, since_power_s: Floats | None = None
+) -> list[TemperatureCourse]:
     """The temperature's course in each run, from times and means (v) of the visits."""
-    return temperature_courses([(time_s[rows], temperature_degC[rows]) for rows in visits.run_slices()])
+    runs = list(visits.run_slices())
+    since = None if since_power_s is None else [since_power_s[rows] for rows in runs]
+    return temperature_courses([(time_s[rows], temperature_degC[rows]) for rows in runs], since)

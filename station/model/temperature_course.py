@@ -1,8 +1,9 @@
-"""The course of a recorded temperature: how warm it was, how fast that changed, and how well the latter is known.
+"""The course of a recorded temperature: how warm it was, how fast that changed, and how well both are known.
 
-Within a run T = β₀ + β₁ t + f(t) + noise, f an integrated Wiener process: the cubic smoothing spline (Wahba 1978); the
-slope at each visit is its conditional mean, and what is not known of it its conditional covariance. β₁ is normal from
-run to run: noisy slopes are drawn to their mean, because a cause in proportion to them as they are comes out too small
+Within a run T = β₀ + β₁ t + f(t) + noise, beside what the bench warms after power-on (`bench_heating.py`), f an
+integrated Wiener process: the cubic smoothing spline (Wahba 1978); the value and the slope at each visit are its
+conditional means, and what is not known of them its conditional covariances. β₁ is normal from run to
+run: noisy slopes are drawn to their mean, because a cause in proportion to them as they are comes out too small
 (regression calibration: Carroll, Ruppert, Stefanski and Crainiceanu, Measurement Error in Nonlinear Models, 2nd ed.,
 ch. 4). Few visits tell little of the stiffness, and few runs of how far slopes scatter: all are means over what
 restricted likelihood does not rule out.
@@ -15,6 +16,7 @@ import numpy as np
 
 from station.domain.core.types import Floats
 from station.model import long_temperature_run, slope_scatter
+from station.model.bench_heating import COLD, Heating, bench_heating
 from station.model.slope_scatter import Scatter
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a visit.
@@ -28,7 +30,9 @@ MOST_NOISE_DEGC, MOST_BEYOND_SCATTER, MEDIAN_PER_SIGMA = 0.1, 2.0, 0.6745
 LEAST_NOISE_SHARE = 0.01
 #: Visits of the runs that the stiffness is judged by, at most.
 MAX_LIKELIHOOD_VISITS = 12_000
-#: Modes kept of what is not known of a slope.
+#: A bend of fewer runs is that of their own course as well.
+LEAST_HEATED_RUNS = 2
+#: Modes kept of what is not known of a slope, and of a value.
 MODES = 3
 #: Visits of a run beyond which no matrix has as many rows: its cost grows with the cube of them.
 MOST_DENSE_VISITS = 240
@@ -51,21 +55,69 @@ class Stiffness(NamedTuple):
 
 class TemperatureCourse(NamedTuple):
     """Temperature (n) and its slope (n) at each visit of a run, and modes (n, MODES) of the slope's error: their sum,
-    each times a standard normal number, is the error."""
+    each times a standard normal number, is the error. value_modes (n, MODES): the same of the temperature's error about
+    the run's mean, 0 where it is as it was read."""
 
     value: Floats
     slope: Floats
     modes: Floats
+    value_modes: Floats
 
 
-def temperature_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[TemperatureCourse]:
-    """The courses of runs, each given as times (n) in s and means (n) of its visits."""
-    share, likely = zip(*likely_courses(runs), strict=True)
+def temperature_courses(
+    runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats] | None = None
+) -> list[TemperatureCourse]:
+    """The courses of runs, each given as times (n) in s and means (n) of its visits; since_s: times since power-on (n)
+    of each, where these are known."""
+    share, likely = zip(*likely_courses(runs, since_s), strict=True)
     return [_mean_course(np.array(share), each) for each in zip(*likely, strict=True)]
 
 
-def likely_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[tuple[float, list[TemperatureCourse]]]:
+def likely_courses(
+    runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats] | None = None
+) -> list[tuple[float, list[TemperatureCourse]]]:
     """The same for each likely stiffness and scatter of the slopes between runs, with its probability."""
+    since = [t - t.min(initial=np.inf) for t, _ in runs] if since_s is None else since_s
+    heating = _heating(runs, since)
+    if heating is COLD:
+        return _likely_beside_heating(runs)
+    cool = [(t, T - heating.value(p)) for (t, T), p in zip(runs, since, strict=True)]
+    return [
+        (share, [_heated(*each, heating) for each in zip(courses, cool, runs, since, strict=True)])
+        for share, courses in _likely_beside_heating(cool)
+    ]
+
+
+def _heated(
+    course: TemperatureCourse,
+    cool: tuple[Floats, Floats],
+    read: tuple[Floats, Floats],
+    since_s: Floats,
+    heating: Heating,
+) -> TemperatureCourse:
+    """A course of the rest, with what the bench warms; what is as it was read stays so to the last digit."""
+    value = read[1] if course.value is cool[1] else course.value + heating.value(since_s)
+    return course._replace(value=value, slope=course.slope + heating.slope(since_s))
+
+
+def _heating(runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats]) -> Heating:
+    """How the bench warms, by runs that are alike in length; not by very long ones, which tell every bend."""
+    lengths = [len(t) for t, _ in runs if 2 < len(t) <= MOST_DENSE_VISITS and np.ptp(t) > 0]
+    if len(lengths) < LEAST_HEATED_RUNS:
+        return COLD
+    usual = max(lengths, key=lambda n: (n * lengths.count(n), n))
+    chosen = [i for i, (t, _) in enumerate(runs) if len(t) == usual and np.ptp(t) > 0]
+    chosen = chosen[:: max(1, len(chosen) * usual // MAX_LIKELIHOOD_VISITS)]
+    longest = max(float(np.ptp(runs[i][0])) for i in chosen)
+    judges = _stacked([runs[i] for i in chosen], longest)
+    since = np.stack([since_s[i] for i in chosen])
+    t = judges.time
+    sloping = _covariance(t) + t[:, :, None] * t[:, None, :]
+    return bench_heating(since, judges.value, sloping, STIFFNESS_RATIOS, longest)
+
+
+def _likely_beside_heating(runs: Sequence[tuple[Floats, Floats]]) -> list[tuple[float, list[TemperatureCourse]]]:
+    """The same of a bench that does not warm by itself."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, (t, _) in enumerate(runs):
@@ -81,8 +133,9 @@ def likely_courses(runs: Sequence[tuple[Floats, Floats]]) -> list[tuple[float, l
         for (_, goes_on), places, each, lines in zip(kinds, kinds.values(), scaled, fitted, strict=True):
             at = (lines[s], int(b)) if lines else None
             course = _course(each, likely[s], at) if goes_on else _standing_still(each)
-            for i, value, slope, modes in zip(places, *course, strict=True):
-                courses[i] = TemperatureCourse(value if smooth else runs[i][1], slope / longest, modes / longest)
+            for i, value, slope, modes, blur in zip(places, *course, strict=True):
+                own = (value, blur) if smooth else (runs[i][1], np.zeros_like(blur))
+                courses[i] = TemperatureCourse(own[0], slope / longest, modes / longest, own[1])
         found.append((float(share[s, b]), [courses[i] for i in range(len(runs))]))
     return found
 
@@ -114,9 +167,18 @@ def _mean_course(share: Floats, likely: Sequence[TemperatureCourse]) -> Temperat
     # Of values that are as read in all, those.
     value = likely[0].value + share @ np.stack([c.value - likely[0].value for c in likely])
     off = [np.sqrt(w) * np.c_[c.slope - slope, c.modes] for w, c in zip(share, likely, strict=True)]
-    vectors, size, _ = np.linalg.svd(np.concatenate(off, axis=1), full_matrices=False)
+    warm = [np.sqrt(w) * np.c_[c.value - value, c.value_modes] for w, c in zip(share, likely, strict=True)]
+    return TemperatureCourse(value, slope, _largest(off), _largest(warm))
+
+
+def _largest(errors: Sequence[Floats]) -> Floats:
+    """The largest modes (n, MODES) of errors (n, some) of independent parts."""
+    every = np.concatenate(errors, axis=1)
+    if not every.any():
+        return np.zeros((len(every), MODES))
+    vectors, size, _ = np.linalg.svd(every, full_matrices=False)
     modes = (vectors * size)[:, :MODES]
-    return TemperatureCourse(value, slope, np.pad(modes, ((0, 0), (0, MODES - modes.shape[1]))))
+    return np.pad(modes, ((0, 0), (0, MODES - modes.shape[1])))
 
 
 def _is_smooth(kinds: Sequence[RunTemperatures], likely: Sequence[Stiffness]) -> bool:
@@ -170,26 +232,30 @@ def _likelihoods(runs: RunTemperatures) -> tuple[Floats, Floats]:
     """
     if runs.time.shape[1] > MOST_DENSE_VISITS:
         return long_temperature_run.likelihoods(runs.time, runs.value, STIFFNESS_RATIOS)
-    V, B = _covariance(runs.time, 1.0)
+    B = _line(runs.time)
     across = np.linalg.qr(B, mode="complete")[0][..., 2:]
-    C = across.swapaxes(-1, -2) @ (V - np.eye(V.shape[-1])) @ across
-    values, vectors = np.linalg.eigh(C)
+    values, vectors = np.linalg.eigh(across.swapaxes(-1, -2) @ _covariance(runs.time) @ across)
     along = ((across @ vectors).swapaxes(-1, -2) @ runs.value[..., None])[..., 0]
     grown = 1 + STIFFNESS_RATIOS[:, None, None] * np.maximum(values, 0.0)
     line = float(np.sum(np.linalg.slogdet(B.swapaxes(-1, -2) @ B)[1]))
     return np.asarray(line + np.log(grown).sum((1, 2))), np.asarray(np.sum(along**2 / grown, axis=(1, 2)))
 
 
-def _covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
-    """V = I + ratio · cov(f) at times (…, n), and the straight line B (…, n, 2)."""
+def _line(t: Floats) -> Floats:
+    """The straight line at times (…, n) as columns (…, n, 2)."""
+    return np.stack([np.ones_like(t), t], -1)
+
+
+def _covariance(t: Floats) -> Floats:
+    """cov(f) (…, n, n) at times (…, n), for a stiffness of 1."""
     low, high = (f(t[..., :, None], t[..., None, :]) for f in (np.minimum, np.maximum))
-    return np.eye(t.shape[-1]) + ratio * (low**2 * high / 2 - low**3 / 6), np.stack([np.ones_like(t), t], -1)
+    return np.asarray(low**2 * high / 2 - low**3 / 6)
 
 
 class FittedLine(NamedTuple):
     """Of runs (r) with a stiffness: their straight lines (r, 2, 1) with their precision (r, 2, 2) in units of noise²,
-    each by itself; V⁻¹ of the readings (r, n, 1), of the lines' columns (r, n, 2) and of cov(f, f′) (r, n, n);
-    scatter: of their slopes."""
+    each by itself; V⁻¹ of the readings (r, n, 1), of the lines' columns (r, n, 2) and of cov(f, f′) (r, n, n), and
+    itself (r, n, n); scatter: of their slopes."""
 
     given: Stiffness
     line: Floats
@@ -197,6 +263,7 @@ class FittedLine(NamedTuple):
     of_value: Floats
     base: Floats
     with_f: Floats
+    inverse: Floats
     scatter: Scatter
 
 
@@ -206,15 +273,15 @@ def _fitted(runs: RunTemperatures, likely: Sequence[Stiffness]) -> tuple[FittedL
 
 
 def _fit(runs: RunTemperatures, given: Stiffness) -> FittedLine:
-    V, B = _covariance(runs.time, given.ratio)
+    V, B = np.eye(runs.time.shape[1]) + given.ratio * _covariance(runs.time), _line(runs.time)
     with_f = _slope_covariance(runs.time, given.ratio)[0]
-    solved = np.linalg.solve(V, np.concatenate([B, runs.value[..., None], with_f.swapaxes(1, 2)], axis=2))
-    base, of_value = solved[..., :2], solved[..., 2:3]
+    inverse = np.asarray(np.linalg.inv(V), float)
+    base, of_value = inverse @ B, inverse @ runs.value[..., None]
     precision = B.swapaxes(1, 2) @ base
     line = np.asarray(np.linalg.solve(precision, B.swapaxes(1, 2) @ of_value))
     own = np.asarray(given.noise**2 * np.linalg.inv(precision)[:, 1, 1], float)
     scatter = slope_scatter.scatter(line[:, 1, 0], own)
-    return FittedLine(given, line, precision, of_value, base, solved[..., 3:], scatter)
+    return FittedLine(given, line, precision, of_value, base, inverse @ with_f.swapaxes(1, 2), inverse, scatter)
 
 
 def _slope_covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
@@ -225,27 +292,35 @@ def _slope_covariance(t: Floats, ratio: float) -> tuple[Floats, Floats]:
 
 def _course(
     runs: RunTemperatures, given: Stiffness, fitted: tuple[FittedLine, int] | None
-) -> tuple[Floats, Floats, Floats]:
-    """Values (r, n), slopes (r, n) per length of the longest run, and the modes of their errors (r, n, MODES), where
-    the stiffness is known; fitted: their lines, and which scatter these have, None of so many visits that tell all."""
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Values (r, n), slopes (r, n) per length of the longest run, the modes of their errors (r, n, MODES) and those of
+    the values', where the stiffness is known; fitted: their lines, and which scatter these have, None of so many visits
+    that tell all."""
     if fitted is None:
         each = [long_temperature_run.course_and_modes(t, T, given.ratio, MODES) for t, T in zip(*runs, strict=True)]
         value, slope, modes = (np.stack([one[i] for one in each]) for i in range(3))
-        return value, slope, given.noise * modes
-    value, slope, unknown = _given(runs, *fitted)
+        return value, slope, given.noise * modes, np.zeros_like(modes)
+    value, slope, of_slope, of_value = _given(runs, *fitted)
+    return value, slope, _modes(of_slope), _modes(of_value)
+
+
+def _modes(unknown: Floats) -> Floats:
+    """The largest modes (r, n, MODES) of covariances (r, n, n)."""
     values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
     modes = vectors[..., -MODES:] * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0))
-    return value, slope, np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
+    return np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
 
 
-def _standing_still(runs: RunTemperatures) -> tuple[Floats, Floats, Floats]:
+def _standing_still(runs: RunTemperatures) -> tuple[Floats, Floats, Floats, Floats]:
     """The same of runs that never go on, or of a single stop: they have no slope."""
-    return runs.value, np.zeros(runs.time.shape), np.zeros((*runs.time.shape, MODES))
+    modes = np.zeros((*runs.time.shape, MODES))
+    return runs.value, np.zeros(runs.time.shape), modes, modes
 
 
-def _given(runs: RunTemperatures, fitted: FittedLine, b: int) -> tuple[Floats, Floats, Floats]:
-    """Values (r, n), which are what was read without what passes for noise, slopes (r, n) and the covariance of their
-    errors (r, n, n), where the stiffness and the scatter of the slopes are known."""
+def _given(runs: RunTemperatures, fitted: FittedLine, b: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Values (r, n), which are what was read without what passes for noise, slopes (r, n) and the covariances of their
+    errors (r, n, n) and of the values' about a run's mean, where the stiffness and the scatter of the slopes are known.
+    What is left of the noise given the readings: I − V⁻¹ + V⁻¹B·cov(β)·BᵀV⁻¹."""
     noise = fitted.given.noise
     with_f, of_slopes = _slope_covariance(runs.time, fitted.given.ratio)
     normal, line = slope_scatter.drawn_together(fitted.precision, fitted.line, noise, float(fitted.scatter.between[b]))
@@ -253,4 +328,7 @@ def _given(runs: RunTemperatures, fitted: FittedLine, b: int) -> tuple[Floats, F
     toward = np.array([0.0, 1.0]) - with_f @ fitted.base
     slope = line[:, 1] + (with_f @ left)[..., 0]
     unknown = of_slopes - with_f @ fitted.with_f + toward @ normal @ toward.swapaxes(1, 2)
-    return runs.value - left[..., 0], slope, noise**2 * unknown
+    count = runs.time.shape[1]
+    within = np.eye(count) - 1 / count
+    blur = within @ (np.eye(count) - fitted.inverse + fitted.base @ normal @ fitted.base.swapaxes(1, 2)) @ within
+    return runs.value - left[..., 0], slope, noise**2 * unknown, noise**2 * blur

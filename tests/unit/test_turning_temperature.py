@@ -30,10 +30,20 @@ def test_a_ramp_that_ends_within_a_visit_has_its_mean_rate_there(part: float, no
     """A smooth course through the means of visits was off by .0022 degC/s, and such visits were called disturbed."""
     table, true = ramp((VISITS // 2 + part) * VISIT_S, noise, step)
     rate = reduce_samples(load_recipe("one-point"), table).scene.require("temperature_rate")
-    assert np.abs(rate - true)[VISITS // 2 - 1 : VISITS // 2 + 2].max() < 0.001
+    # A rate is not known to less than a step of the thermometer over the visit.
+    assert np.abs(rate - true)[VISITS // 2 - 1 : VISITS // 2 + 2].max() < max(0.001, step / VISIT_S)
 
 
 def test_a_noisy_thermometer_is_left_to_the_smooth_course() -> None:
     table, true = ramp(np.inf, 0.3)
     rate = reduce_samples(load_recipe("one-point"), table).scene.require("temperature_rate")
     assert np.abs(rate - true).max() < 0.002
+
+
+def test_a_step_of_a_coarse_thermometer_is_no_turn() -> None:
+    """Visits that warm by less than a step show none, or one at some moment."""
+    table, _ = ramp(np.inf, 0.0, 0.0625)
+    slow = SampleTable(table.unit, table.run, table.visit, table.position, table.time_s, table.reading,
+                       values={"temperature_degC": np.round((20 + 1e-3 * table.time_s) / 0.0625) * 0.0625})  # fmt: skip
+    rate = reduce_samples(load_recipe("one-point"), slow).scene.require("temperature_rate")
+    assert np.abs(rate - 1e-3).max() < 3e-4

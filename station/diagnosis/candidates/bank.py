@@ -276,16 +276,16 @@ def with_covariate_error(c: Candidate, view: ResidualView) -> Candidate:
 
     Without them a cause with a noisy covariate would lose to any that has nearly the same course and none of its noise.
     """
-    modes = view.reduced.rate_error
-    if modes is None or c.effect is None or c.pattern != "own" or "temperature_rate" not in c.effect.needs:
+    errors = [] if c.effect is None or c.pattern != "own" else view.by_covariate_error(c.effect)
+    if c.effect is None or not errors:
         return c
     run = view.scene.group("run")[0]
     first = np.full(view.grid.units, len(run))
     np.minimum.at(first, view.layout.unit, run)
     of_unit = run - first[view.layout.unit]
     columns = [c.visit]
-    for mode in modes.T:
-        off = view.with_rate(mode).signature(c.effect, c.of)[0]
+    for error in errors:
+        off = error.signature(c.effect, c.of)[0]
         columns += [off * (of_unit == r)[:, None, None] for r in range(int(of_unit.max()) + 1)]
     return replace(c, columns=CauseColumns.in_bank(view, np.concatenate(columns, axis=2)), plain=c)
 

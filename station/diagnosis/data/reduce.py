@@ -23,6 +23,7 @@ from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sam
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.model.scene import COVARIATES, Scene, fit_temperature_courses, scene_of_table, visits_scene_of_table
+from station.model.temperature_course import TemperatureCourse
 from station.model.turning_temperature import own_rates, with_own_rates
 
 #: Ends of the sub-blocks as shares of the dwell.
@@ -49,9 +50,10 @@ class ReducedScene:
     count (v, B) samples in each block; sigma: noise of a sample, from one to the next, axis_noise (3) that of each axis
     beside it, 1 where nothing shows that they differ; excess (v, 3) the square of a visit's noise beside that of all,
     axis_excess (v, 3) that which `count` leaves to each axis; rate_error (v, modes): by what the rate of temperature
-    may be wrong, degC/s, each mode times a standard normal number a run; edges (B): ends of the blocks as shares of a
-    dwell; ringing_hz: frequencies of what rings within the dwells; sample_axes (3): axis_noise as the samples show
-    it, whatever the means have; axis_correlation (3, 3) what the noise of two axes has in common.
+    may be wrong, degC/s, each mode times a standard normal number a run; degC_error (v, modes): the same of the
+    temperature, None where it is as it was read; edges (B): ends of the blocks as shares of a dwell; ringing_hz:
+    frequencies of what rings within the dwells; sample_axes (3): axis_noise as the samples show it, whatever the means
+    have; axis_correlation (3, 3) what the noise of two axes has in common.
     """
 
     scene: Scene
@@ -61,6 +63,7 @@ class ReducedScene:
     count: Floats
     sigma: float
     rate_error: Floats | None = None
+    degC_error: Floats | None = None
     axis_noise: Floats = field(default_factory=lambda: np.ones(3))
     excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
     axis_excess: Floats = field(default_factory=lambda: np.ones((1, 3)))
@@ -94,7 +97,7 @@ class ReducedScene:
 
     def of_runs(self, there: NDArray[np.bool_]) -> "ReducedScene":
         """The visits of some whole runs, there (v); what holds for all samples is that of all."""
-        of_visits = ("mean", "contrast", "count", "rate_error", "excess", "axis_excess", "read_degC")
+        of_visits = ("mean", "contrast", "count", "rate_error", "degC_error", "excess", "axis_excess", "read_degC")
         values = {name: getattr(self, name) for name in of_visits}
         kept = {name: x[there] for name, x in values.items() if x is not None and len(x) == len(there)}
         return replace(self, scene=self.scene.of_runs(there), fine=self.fine.of_runs(there), **kept)
@@ -129,8 +132,8 @@ def mean_and_contrasts(block: Floats, count: Floats) -> tuple[Floats, Floats]:
 class ReducedPart:
     """Some whole units of a table, reduced. sigma (3): noise of a sample of theirs; means: one row a visit (v), values
     and readings its plain means; since_s (v) mean time since its first sample; count (v, B) and block (v, B, 3) samples
-    and robust mean of each block; warming (v) the mean rate of temperature by its own samples, degC/s, NaN where they
-    do not tell it; late, spread (v, B) mean and deviation of its samples' times about the visit's mean;
+    and robust mean of each block; warming (v, 2) the mean rate of temperature by its own samples, degC/s, NaN where
+    they do not tell it; late, spread (v, B) mean and deviation of its samples' times about the visit's mean;
     differences: how noisy each is; pieces (v, PIECES, 3): means of equal pieces about the visit's."""
 
     sigma: Floats
@@ -199,7 +202,7 @@ def reduce_part(table: SampleTable, visit: NDArray[np.intp], sigma: Floats, edge
 
 def _warming(table: SampleTable, visit: NDArray[np.intp], visits: int) -> Floats:
     warm = table.values.get("temperature_degC")
-    return np.full(visits, np.nan) if warm is None else own_rates(warm, table.time_s, visit, visits)
+    return np.full((visits, 2), np.nan) if warm is None else own_rates(warm, table.time_s, visit, visits)
 
 
 def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart], sigma: Floats) -> ReducedScene:
@@ -207,7 +210,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
     count = np.concatenate([p.count for p in parts])
     mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
-    scene, rate_error = _scene(recipe, means, np.concatenate([p.warming for p in parts]))
+    scene, rate_error, degC_error = _scene(recipe, means, np.concatenate([p.warming for p in parts]))
     scene = replace(scene, since_arrival_s=since)
     one, axes = np.where(sigma > 0, sigma, 1.0), axis_noise(sigma, int(count.sum()) - len(count))
     differences = VisitDifferences.join(
@@ -222,6 +225,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         count,
         float(np.sqrt(np.mean(sigma**2))),
         rate_error,
+        degC_error,
         axes,
         differences.excess_variance(),
         sample_axes=axes,
@@ -251,9 +255,9 @@ def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
     )
 
 
-def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, Floats | None]:
-    """The scene of visits (v), one row each, and what is not known of the rate of temperature there (v, modes); warming
-    (v): this rate as the samples of each show it.
+def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, Floats | None, Floats | None]:
+    """The scene of visits (v), one row each, and what is not known there of the rate of temperature (v, modes) and of
+    the temperature (v, modes); warming (v, 2): this rate as the samples of each show it.
 
     Temperatures are as a smooth course has them: as it was read, one that scarcely changes bears more of its
     thermometer's noise than of what it was, and nothing would follow it.
@@ -262,10 +266,13 @@ def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, 
     others = {name: values for name, values in means.values.items() if name != "temperature_degC"}
     scene = scene_of_table(recipe, replace(means, values=others))
     if warm is None:
-        return scene, None
-    courses = fit_temperature_courses(scene.time_s, warm, scene.visits)
-    value, rate, modes = (np.concatenate([getattr(c, part) for c in courses]) for part in ("value", "slope", "modes"))
-    return replace(scene, temperature_degC=value, temperature_rate=with_own_rates(rate, warming)), modes
+        return scene, None, None
+    courses = fit_temperature_courses(scene.time_s, warm, scene.visits, scene.since_power_s)
+    value, rate, modes, blur = (
+        np.concatenate([getattr(c, part) for c in courses]) for part in TemperatureCourse._fields
+    )
+    scene = replace(scene, temperature_degC=value, temperature_rate=with_own_rates(rate, warming))
+    return scene, modes, blur if blur.any() else None
 
 
 def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:

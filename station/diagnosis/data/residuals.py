@@ -20,6 +20,7 @@ from station.diagnosis.linear.grid import RowLayout, VisitGrid, visit_grid
 from station.diagnosis.linear.projection import DataColumns
 from station.domain.core.types import Array, Floats
 from station.model.effect import Effect
+from station.model.effects.offset_temperature import OffsetTemperature
 from station.model.forward import (
     NO_EFFECTS,
     ActiveEffect,
@@ -32,7 +33,7 @@ from station.model.forward import (
     sensor_signal,
 )
 from station.model.scene import Scene, Signal
-from station.model.temperature_course import likely_courses
+from station.model.temperature_course import TemperatureCourse, likely_courses
 
 #: Noise of a visit's mean beside that of its samples over √n, or of its quietest contrast, at the least: blue noise
 #: averages better than white.
@@ -177,40 +178,62 @@ class ResidualView:
                 mean[some, :, i], contrast[some, ..., i] = r.reduce_fine(d, some)
         return mean, contrast
 
+    def by_covariate_error(self, effect: Effect) -> "list[ResidualView]":
+        """The view with each mode of the error of an effect's covariate in that one's place, for a standard normal
+        number a run; none where it is as good as exact. Of bends in the temperature the range is large, and the error
+        nothing beside it; what changes a gain is no course of time, which could be taken for it."""
+        reduced = self.reduced
+        if "temperature_rate" in effect.needs and reduced.rate_error is not None:
+            return [self.with_course(rate=mode) for mode in reduced.rate_error.T]
+        if isinstance(effect, OffsetTemperature) and effect.degree == 1 and reduced.degC_error is not None:
+            return [self.with_course(degC=effect.about_degC + mode) for mode in reduced.degC_error.T]
+        return []
+
     def covariate_error(self, acting: ActiveEffect) -> Floats | None:
         """How a cause at work may be off because its covariate is (v, 3, modes): each mode times a standard normal
         number a run. None where the covariate is as good as exact."""
-        modes, rate = self.reduced.rate_error, self.scene.temperature_rate
-        if modes is None or rate is None or "temperature_rate" not in acting.effect.needs:
-            return None
-        if not acting.coefficients.any():
+        errors = self.by_covariate_error(acting.effect)
+        if not errors or not acting.coefficients.any():
             return None
 
-        def off_by(error: Floats) -> Floats:
-            return forward(self.with_rate(rate + error).scene, self.base, {acting.effect.id: acting})
+        def acts(scene: Scene) -> Floats:
+            return forward(scene, self.base, {acting.effect.id: acting})
 
-        return np.stack([(off_by(mode) - off_by(-mode)) / 2 for mode in modes.T], axis=-1)
+        without = forward(self.scene, self.base, NO_EFFECTS)
+        return np.stack([acts(view.scene) - without for view in errors], axis=-1)
 
-    def with_rate(self, rate: Floats, error: Floats | None = None) -> "ResidualView":
-        """The view of visits whose temperature changes at another rate (v), degC/s, not known to modes (v, modes)."""
-        scene, error = replace(self.scene, temperature_rate=rate), self.reduced.rate_error if error is None else error
-        return replace(self, reduced=replace(self.reduced, scene=scene, rate_error=error))
+    def with_course(
+        self, *, degC: Floats | None = None, rate: Floats | None = None, errors: "tuple[Floats, Floats] | None" = None
+    ) -> "ResidualView":
+        """The view of visits that are as warm (v), degC, or warm as fast (v), degC/s, and where these may be off by
+        modes (v, modes) of the one and of the other."""
+        scene, reduced = self.scene, self.reduced
+        scene = scene if degC is None else replace(scene, temperature_degC=degC)
+        scene = scene if rate is None else replace(scene, temperature_rate=rate)
+        if errors is not None:
+            reduced = replace(reduced, degC_error=errors[0], rate_error=errors[1])
+        return replace(self, reduced=replace(reduced, scene=scene))
 
-    def by_likely_rates(self) -> "list[tuple[float, ResidualView]]":
-        """Probabilities of likely courses of the temperature, of many of some, and the view with the rate of each."""
+    def by_likely_courses(self) -> "list[tuple[float, ResidualView]]":
+        """Probabilities of likely courses of the temperature, of many of some, and the view with each."""
         read = self.reduced.read_degC
         if read is None:
             return [(1.0, self)]
-        runs = [(self.scene.time_s[rows], read[rows]) for rows in self.scene.visits.run_slices()]
-        share, likely = zip(*likely_courses(runs), strict=True)
+        places, since = list(self.scene.visits.run_slices()), self.scene.since_power_s
+        runs = [(self.scene.time_s[rows], read[rows]) for rows in places]
+        likely_of = likely_courses(runs, None if since is None else [since[rows] for rows in places])
+        share, likely = zip(*likely_of, strict=True)
         chosen, weight = np.arange(len(share)), np.array(share)
         if len(share) > MOST_COURSES:
             # As many in each part of the probability: those of the middles.
             middles = (np.arange(MOST_COURSES) + 0.5) / MOST_COURSES
             chosen, count = np.unique(np.searchsorted(np.cumsum(weight), middles), return_counts=True)
             weight = count / MOST_COURSES
-        parts = (tuple(np.concatenate([getattr(c, p) for c in likely[i]]) for p in ("slope", "modes")) for i in chosen)
-        return [(float(w), self.with_rate(*part)) for w, part in zip(weight, parts, strict=True)]
+        parts = (TemperatureCourse(*(np.concatenate(each) for each in zip(*likely[i], strict=True))) for i in chosen)
+        return [
+            (float(w), self.with_course(degC=c.value, rate=c.slope, errors=(c.value_modes, c.modes)))
+            for w, c in zip(weight, parts, strict=True)
+        ]
 
     def stimulated(self) -> Floats:
         """Which axes of each visit's unit (v, 3) feel a stimulus that varies, 1 or 0: only those have a gain to fit.

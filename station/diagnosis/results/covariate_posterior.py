@@ -85,7 +85,7 @@ def sizes_beside_error(
     if not 0 < modes <= MOST_MODES:
         return None
     space = bare.space(fitted.floor, moving=bare.known.moving)
-    share, views = zip(*bare.view.by_likely_rates(), strict=True)
+    share, views = zip(*bare.view.by_likely_courses(), strict=True)
     likely = [_erring(replace(bare, view=view), space, item, value) for view in views]
     return _moments(np.log(share), likely, value, spread)
 
