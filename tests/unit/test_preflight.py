@@ -148,6 +148,16 @@ def test_a_rate_that_sensors_are_set_to_is_the_sheets_error_and_any_other_the_cl
         assert preflight.inspect(recipe, table(still(rng), 24, rate_hz=rate_hz))[0].remarks == ()
 
 
+def test_a_logger_that_polls_at_any_rate_has_another_sheet_where_its_steps_differ(rng: np.random.Generator) -> None:
+    """12.43 readings a second, unevenly: no rate that sensors are set to. A step as stated leaves the sheet its own."""
+    sheet = by_hand(rate_hz=100.0, lsb=6.25e-5)
+    for step, remark in ((1e-3, "sheet-of-another-device"), (6.25e-5, "rate-differs")):
+        made = table(np.round(still(rng, 0.003) / step) * step, 24, rate_hz=12.43)
+        late = np.abs(rng.normal(0, 0.009, len(made.time_s)))
+        found, _ = preflight.inspect(sheet, replace(made, time_s=made.time_s + late))
+        assert [m.id for m in found.remarks] == [remark]
+
+
 def test_another_rate_with_another_step_is_the_sheet_of_another_device(rng: np.random.Generator) -> None:
     recipe = by_hand(rate_hz=100.0, lsb=6.25e-5, noise_density=1e-4)
     coarse = np.round(still(rng) * 1024) / 1024

@@ -26,6 +26,8 @@ MAGNITUDE_OF_ONE = 0.1
 RATE = 0.05
 #: Readings whose step is so many times the sheet's are of another sensor, or of another range.
 SAME_STEP = 1.5
+#: A rate further off than by such a factor is no clock's error.
+FAR_RATE = 1.5
 #: Readings are this many times the stimulus, within SAME_RATIO, when they are in another unit.
 SAME_RATIO = 0.05
 #: No range or gain of a unit makes its readings so many times the stimulus, or so small a part of it.
@@ -200,7 +202,9 @@ def _rate(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], found: I
     grossly = all(abs(rate / sheet - 1) > RATE for rate in (found.rate_hz, usual))
     another = abs(usual / found.rate_hz - 1) < RATE and usual_rates.is_another(found.rate_hz, sheet)
     lsb = float(found.lsb.max()) if "lsb" in recipe.device.model_fields_set else 0.0
-    if another and lsb > SAME_STEP * recipe.device.lsb:
+    # No clock is off by so much: loggers that poll keep no rate that sensors are set to.
+    polled = all(not 1 / FAR_RATE < rate / sheet < FAR_RATE for rate in (found.rate_hz, usual))
+    if (another or polled) and lsb > SAME_STEP * recipe.device.lsb:
         yield Message(
             "sheet-of-another-device", rate_hz=found.rate_hz, sheet_hz=sheet, lsb=lsb, sheet_lsb=recipe.device.lsb,
             unit=recipe.unit,
