@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidate_in_view
 from station.diagnosis.candidates.columns import CauseColumns
+from station.diagnosis.candidates.going_round import going_round_columns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
@@ -127,7 +128,15 @@ def nuisance_of(
             common_target = np.concatenate([common_target, about[chosen]])
             shared.append(rows)
     free = [(rows, 0.0) for rows in _truth_error_columns(view)]
-    for rows, weight_of_zero in (*free, *((rows, 1.0) for rows in _covariate_error_columns(view, accepted))):
+    going_round = going_round_columns(view)
+    spread = list(_covariate_error_columns(view, accepted))
+    if going_round is not None and not going_round.shared:
+        spread.append(going_round.columns)
+    elif going_round is not None:
+        shared.append(going_round.columns)
+        more = going_round.columns.visit.shape[-1]
+        common_precision, common_target = np.r_[common_precision, np.ones(more)], np.r_[common_target, np.zeros(more)]
+    for rows, weight_of_zero in (*free, *((rows, 1.0) for rows in spread)):
         own.append(rows)
         width = rows.visit.shape[-1]
         precision, target = (
@@ -140,6 +149,7 @@ def nuisance_of(
         DataColumns.concatenate(shared),
         common_precision,
         common_target,
+        goes_round=going_round is not None and not any(item.candidate.moving for item in accepted),
     )
     return known, tuple(places)
 

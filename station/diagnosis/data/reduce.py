@@ -11,7 +11,7 @@ contrasts, and the noise of the two is independent. Where the fixture rings fast
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,9 @@ HUBER_K, HUBER_ROUNDS = 2.0, 8
 MIN_HUBER_SAMPLES = 7
 #: Samples looked at together: enough to be fast, few enough for a processor's cache.
 SAMPLES_AT_ONCE = 1 << 14
+#: Whose the angles are at which a turning table's dwells begin: each unit's at each visit, those of a visit for all
+#: units that ride together, or those of a position where the table always begins at the same.
+TableAngles = Literal["own", "ridden-together", "position"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +56,8 @@ class ReducedScene:
     may be wrong, degC/s, each mode times a standard normal number a run; degC_error (v, modes): the same of the
     temperature, None where it is as it was read; edges (B): ends of the blocks as shares of a dwell; ringing_hz:
     frequencies of what rings within the dwells; sample_axes (3): axis_noise as the samples show it, whatever the means
-    have; axis_correlation (3, 3) what the noise of two axes has in common.
+    have; axis_correlation (3, 3) what the noise of two axes has in common; table_angles: whose the angles are at which
+    dwells on a rate table begin.
     """
 
     scene: Scene
@@ -73,6 +77,7 @@ class ReducedScene:
     axis_correlation: Floats = field(default_factory=lambda: np.eye(3))
     read_degC: Floats | None = None
     early_chance: float = 1.0
+    table_angles: TableAngles = "own"
 
     @property
     def contrast_noise(self) -> ContrastNoise:

@@ -63,7 +63,8 @@ WELL_CONDITIONED = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NuisanceColumns:
-    """own (p) and shared (c) columns with their priors: precision (U, p), (c), 0 for none, about target (U, p), (c)."""
+    """own (p) and shared (c) columns with their priors: precision (U, p), (c), 0 for none, about target (U, p), (c).
+    goes_round: whether of them only what goes round a healthy sensor changes within a visit."""
 
     own: DataColumns
     per_unit_precision: Floats
@@ -71,11 +72,12 @@ class NuisanceColumns:
     shared: DataColumns
     shared_precision: Floats
     shared_target: Floats
+    goes_round: bool = False
 
     @property
     def moving(self) -> bool:
-        """Whether anything known changes within a visit."""
-        return self.own.dwell is not None or self.shared.dwell is not None
+        """Whether any known cause changes within a visit, so that its size is told by the contrasts, too."""
+        return not self.goes_round and (self.own.dwell is not None or self.shared.dwell is not None)
 
     def of_units(self, chosen: Array | slice) -> "NuisanceColumns":
         """The same of some units."""
@@ -86,6 +88,7 @@ class NuisanceColumns:
             self.shared.of_units(chosen),
             self.shared_precision,
             self.shared_target,
+            self.goes_round,
         )
 
     @property

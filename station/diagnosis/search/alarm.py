@@ -23,7 +23,7 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 15
+NULL_CACHE_VERSION = 16
 #: What of a recipe the bank is made from: the same name may stand for other positions.
 _DESIGN: dict[str, bool | set[str]] = {
     **dict.fromkeys(("sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"), True),

@@ -7,6 +7,7 @@ import numpy as np
 
 from station.diagnosis.candidates.bank import Candidate, smooth_causes
 from station.diagnosis.candidates.columns import CauseColumns
+from station.diagnosis.candidates.going_round import possible_angles
 from station.diagnosis.candidates.nuisance import AcceptedCause, active_together, nuisance_of
 from station.diagnosis.candidates.solve import solve, whitened
 from station.diagnosis.data.reduce import ReducedScene
@@ -73,7 +74,16 @@ def initial_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix:
     if reduced.scene.recipe.pose_known and np.any(reduced.axis_correlation != np.eye(3)):
         divisions += [replace(division, axis_correlation=np.eye(3)) for division in divisions]
     problems = [_plain_problem(division, allowance, matrix=matrix) for division in divisions]
-    return problems[0] if len(problems) == 1 else max(problems, key=_likelihood)
+    best = problems[0] if len(problems) == 1 else max(problems, key=_likelihood)
+    others = [replace(best.view.reduced, table_angles=angles) for angles in possible_angles(best.view)[1:]]
+    if not others:
+        return best
+    return max([best, *(_plain_problem(one, allowance, matrix=matrix) for one in others)], key=_likelihood_in_dwells)
+
+
+def _likelihood_in_dwells(problem: ScoringProblem) -> float:
+    """Log-likelihood of the readings, what changes within the dwells included."""
+    return problem.space(problem.fit().floor, moving=True).loglik
 
 
 def _likelihood(problem: ScoringProblem) -> float:
