@@ -45,24 +45,30 @@ def offsets(recipe: str, samples: Path) -> dict[str, Floats]:
     return {r.serial: r.calibration.offset for r in results if r.calibration is not None}
 
 
-def test_calibrations_move_as_if_the_cause_had_never_been(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """The same without any cause."""
+    folder = tmp_path_factory.mktemp("healthy")
+    return found(folder, recipe_with(folder, offset=0.2))
+
+
+def test_calibrations_move_as_if_the_cause_had_never_been(tmp_path: Path, healthy: tuple[Any, Path]) -> None:
     """Of one seed the samples with and without the cause differ by the cause alone: what it does is known exactly."""
     recipe = recipe_with(tmp_path, offset=0.2)
     shown, samples = found(tmp_path, recipe, "--effect", "quadratic=0.004")
     line = shown["line"]
     assert (shown["causes"][0]["effect"], line["unit"]) == ("quadratic", "mg")
     bent = offsets(recipe, samples)
-    (tmp_path / "plain").mkdir()
-    straight = offsets(recipe, found(tmp_path / "plain", recipe)[1])
+    straight = offsets(recipe, healthy[1])
+    # Rms over a hundred thousand directions of what offset and matrix make of an axis.
+    a = np.random.default_rng(0).standard_normal((100_000, 3))
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
     for unit in line["units"]:
         wanted = straight[unit["serial"]] - bent[unit["serial"]]
         assert np.linalg.norm(wanted) > 5e-4
         # The coefficient's own 44 µg/g² move the offset of an axis by half as much; four standard deviations.
         assert unit["offset"] == pytest.approx(1e3 * wanted, abs=0.09)
         b, A = np.array(unit["offset"]), 1e3 * np.array(unit["matrix"])
-        # Rms over a million directions of what offset and matrix make of an axis.
-        a = np.random.default_rng(0).standard_normal((100_000, 3))
-        a /= np.linalg.norm(a, axis=1, keepdims=True)
         assert unit["moves"] == pytest.approx(np.sqrt(np.mean((b + a @ A.T) ** 2)), rel=0.01)
 
 
@@ -100,6 +106,6 @@ def test_rounding_moves_nothing() -> None:
     assert len(_impacts([result, replace(result, serial="B")], [result], 1.0)) == 1
 
 
-def test_where_nothing_is_found_nothing_moves(tmp_path: Path) -> None:
-    shown, _ = found(tmp_path, recipe_with(tmp_path, offset=0.2))
+def test_where_nothing_is_found_nothing_moves(healthy: tuple[dict[str, Any], Path]) -> None:
+    shown, _ = healthy
     assert (shown["verdict"], shown["line"]) == ("none", None)
