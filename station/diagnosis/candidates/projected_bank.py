@@ -29,6 +29,7 @@ from station.diagnosis.linear.evidence import (
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.parted_space import PartedSpace
 from station.diagnosis.linear.projection import ResidualSpace, SpaceSize
+from station.diagnosis.linear.several_hits import spread_of_hits
 from station.domain.core.types import Array, Floats
 
 #: Eigenvalues looked at together: with a number for each amplitude, two to three megabytes.
@@ -260,7 +261,7 @@ def _fits_of(
     u = can.components((readings * visible)[:, None], sets)
     likelihood = None if scan else can.likelihood_of(u, sets)
     odds = _odds_of_groups(can, u, sets) if likelihood is None else log_mean_exp(likelihood)
-    evidence = (log_mean_exp(can.spread(odds)) if scan else odds)[:, 0]
+    evidence = (log_mean_exp(spread_of_hits(can, u, sets, odds)) if scan else odds)[:, 0]
     retained = can if drawn is not None else can.of_readings()
     for i, which in enumerate(kind.which):
         axes = None if drawn is None or E is None else drawn.axes(bank, which, E[i] * visible[i][..., None, :])
