@@ -102,6 +102,22 @@ def test_two_causes_are_found_one_after_another() -> None:
     assert {f.name for f in searched(recipe(), table).findings} == {"nest-tilt", "offset-temperature"}
 
 
+def test_jumps_far_above_the_noise_in_several_units_are_jumps_still() -> None:
+    """At any one time half of them explain half of the readings, and many disturbed visits more."""
+    late = {(0, 0): 8, (1, 2): 18}
+
+    def hidden(w, rng):  # type: ignore[no-untyped-def]
+        out = np.zeros_like(w.a)
+        for (u, r), stop in late.items():
+            out += ((w.unit == u) & (w.run == r) & (w.visit >= stop))[:, None] * 1e-2 * rng.choice([-1, 1], 3)
+        return w.a, out
+
+    table, _ = hide(recipe(), hidden, 9100 + SEED, units=2)
+    (found,) = searched(recipe(), table).findings
+    assert found.name == "step" and found.set_probability > 0.9
+    assert found.accepted is not None and found.accepted.hit.sum() == len(late)
+
+
 def test_jumps_at_another_time_in_each_run_are_one_cause_with_a_time_of_each_run() -> None:
     jumped = {(0, 1): 8, (2, 0): 13, (2, 2): 17}
     at: dict[str, float] = {}

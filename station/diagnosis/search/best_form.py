@@ -15,6 +15,7 @@ from station.diagnosis.candidates.shape import (
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.projection import ResidualSpace
 from station.diagnosis.search.alarm import UNKNOWN_NATS
+from station.diagnosis.search.jump_times import at_own_times
 from station.diagnosis.search.rank import RankedCause
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 
@@ -41,9 +42,13 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
             quiet, loud = (evidence_of(c, problem.view, space) for c in (best, ringing))
             # A frequency is one more thing to choose: it must pay for itself.
             best = ringing if loud > quiet + UNKNOWN_NATS else best
+        paid = 0.0
+        if has_jump(best.effect) and (own := at_own_times(problem, r.best, r.at)) is not None:
+            best, paid = own
         if best is not r.best:
-            gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space)
+            gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space) - paid
             bank = build_bank([best], problem.view.layout, moving=best.moving)
+            best = best if gain > 0 or not paid else r.best
             ranks[name] = RankedCause(name, r.evidence + max(gain, 0.0), best, score_bank(problem, [bank], r.at.floor))
     return ranks
 

@@ -18,7 +18,8 @@ from station.diagnosis.candidates.projected_bank import project_bank
 from station.diagnosis.candidates.shape import with_form_value
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.linear.several_hits import HARD_NATS
+from station.diagnosis.search.scoring import ScoredBank, ScoringProblem
 from station.domain.core.types import Floats
 
 #: Looks at the runs, each beside the jumps found by the looks before.
@@ -51,6 +52,20 @@ def fit_jump_times(
     # Times of runs that have not jumped say nothing: one that is there anyway.
     refined = _refined(scanned, chosen, hit, problem, floor)
     return _combined(refined, np.where(hit, chosen, chosen[hit][0]), problem), hit
+
+
+def at_own_times(problem: ScoringProblem, one: Candidate, at: ScoredBank) -> tuple[Candidate, float] | None:
+    """A jump of some runs with the time of each, and what it costs to choose those, in nats; None where no two units
+    have jumped clearly at different times, as at one time of all."""
+    if one.pattern != "scan" or one.of != "run" or one.own or problem.view.grid.units < 2:
+        return None
+    scanned = [one, *(with_form_value(one, "at_s", time, problem.view) for time in candidate_jump_times(problem.view))]
+    odds = _odds(scanned, problem, at.floor)
+    clear = odds.max(0) > HARD_NATS
+    if np.all(odds[0, clear] > odds.max(0)[clear] - HARD_NATS):
+        return None
+    found, hit = fit_jump_times(problem, at.accept(one, problem.view), at.floor)
+    return (found, float(np.count_nonzero(hit) - 1) * float(np.log(len(scanned)))) if found.own else None
 
 
 def _max_of_unit(values: Floats, unit: NDArray[np.intp]) -> Floats:
