@@ -8,8 +8,6 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from station.cli import _calibrate_table, _output
 from station.cli._calibrate_json import CalibrationJsonWriter
 from station.cli._calibrate_table import CalibrationSummary
@@ -105,20 +103,10 @@ def _calibrate(
             preflight.with_sheet(recipe, checked[0]), chain([first], tables), today, rounding
         )
         for done, result in enumerate(results, start=1):
-            _check_ellipsoid(recipe, result)
+            if not recipe.pose_known:
+                input_checks.check_fit(result)
             bar.update(task, description=f"calibrated {done} units")
             yield result
-
-
-def _check_ellipsoid(recipe: Recipe, result: CalibrationResult) -> None:
-    """Errors: SamplesError, as a diagnosis gives it, where only the magnitude is known and no offset and gain of one
-    sensor make it constant."""
-    found = result.calibration
-    if recipe.pose_known or found is None:
-        return
-    if any(note.id == "norm-not-settled" for note in found.notes):
-        raise SamplesError("readings-on-no-ellipsoid", serial=result.serial)
-    input_checks.check_gain(result.serial, np.diagonal(found.matrix))
 
 
 def _inspected(recipe: Recipe, samples: Path, checked: list[Preflight]) -> Iterator[SampleTable]:

@@ -13,7 +13,7 @@ from station.cli import _hypotheses_text, _output
 from station.cli._diagnosis_samples import MeasuredSource
 from station.config.models import load_model
 from station.config.recipes import load_recipe
-from station.diagnosis.data import family, preflight
+from station.diagnosis.data import family, input_checks, preflight
 from station.diagnosis.data.portions import reduce_portions
 from station.diagnosis.data.preflight import Preflight
 from station.diagnosis.data.seating_check import check_seatings
@@ -93,7 +93,9 @@ def _diagnosed(
         found = diagnose_reduced(reduced.recipe, inspected.samples, inspected, reduced.reduced, model, null_of)
         return reduced.preflight, found
     checked, table = _inspected(recipe, source.table())
-    return checked, diagnose(preflight.with_sheet(recipe, checked), table, model, null_of)
+    recipe = preflight.with_sheet(recipe, checked)
+    input_checks.check_settles(recipe, table, utc_day(time.time_ns()))
+    return checked, diagnose(recipe, table, model, null_of)
 
 
 def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:

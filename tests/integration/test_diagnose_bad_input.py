@@ -95,6 +95,18 @@ def test_a_compass_that_was_only_turned_level_is_refused(
 
 
 @pytest.mark.parametrize("command", ["calibrate", "diagnose"])
+def test_a_part_of_a_sphere_that_many_an_ellipsoid_is_near_is_refused(
+    command: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A diagnosis told of gains of a million."""
+    way = rng.standard_normal((60, 3))
+    way[:, 0] = 0.3 + 0.8 * np.abs(way[:, 0])
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    reading = way * (1 + 0.06 * rng.standard_normal((60, 1))) + [0.1, -0.2, 0.3]
+    assert "the readings do not lie on an ellipsoid" in refusal(command, reading, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("command", ["calibrate", "diagnose"])
 def test_axes_in_different_units_are_told_by_the_odd_one(
     command: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:

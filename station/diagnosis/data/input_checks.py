@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 from station.diagnosis.data import stays
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats, SampleTable
+from station.domain.evaluation import pipeline
+from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import visits
-from station.errors import SamplesError
+from station.errors import SamplesError, StationError
 from station.model.forward import resting_stimulus
 from station.model.scene import visits_scene_of_table
 
@@ -57,6 +59,31 @@ def check_calibrated(view: ResidualView) -> None:
                 raise SamplesError("readings-computed", serial=serial, ppm=1e6 * off)
     for serial, gain in zip(view.scene.visits.unit.names, np.diagonal(view.base.matrix, axis1=1, axis2=2), strict=True):
         check_gain(serial, gain)
+
+
+def check_settles(recipe: Recipe, table: SampleTable, today: str) -> None:
+    """Errors: SamplesError where only the magnitudes of single readings are known, and their calibration does not
+    settle: many an ellipsoid is as near, and what is left of any of them says nothing."""
+    if recipe.pose_known or len(_first_rows(table)) < len(table):
+        return
+    try:
+        results = list(pipeline.calibrate(recipe, table, today))
+    except StationError:
+        # What the recipe's method cannot calibrate may be diagnosed all the same.
+        return
+    for result in results:
+        check_fit(result)
+
+
+def check_fit(result: CalibrationResult) -> None:
+    """Errors: SamplesError where no offset and gain of one sensor make the magnitudes of a unit of unknown poses
+    alike."""
+    found = result.calibration
+    if found is None:
+        return
+    if any(note.id == "norm-not-settled" for note in found.notes):
+        raise SamplesError("readings-on-no-ellipsoid", serial=result.serial)
+    check_gain(result.serial, np.diagonal(found.matrix))
 
 
 def check_gain(serial: str, gain: Floats) -> None:
