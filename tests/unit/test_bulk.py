@@ -54,20 +54,21 @@ def numbers(result: pipeline.CalibrationResult) -> list[Floats]:
     return [*fitted, found.disturbed.astype(float), *budget.parts.values(), budget.dof]
 
 
-@pytest.mark.parametrize("portion", [1, 7, 6144])
 @pytest.mark.parametrize("name", LINEAR)
 def test_each_unit_has_the_bits_that_it_has_alone(
-    name: str, portion: int, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+    name: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recipe = tumble.recipe(name)
     units = fleet(recipe, rng)
     alone = [pipeline.calibrate_reduced(recipe, {serial: stops})[0] for serial, stops in units.items()]
-    monkeypatch.setattr(scatter, "PORTION", portion * len(next(iter(units.values()))))
-    together = pipeline.calibrate_reduced(recipe, units)
-    assert [r.serial for r in together] == list(units)
-    for one, same in zip(alone, together, strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(numbers(one), numbers(same), strict=True)), one.serial
-        assert one.verdict == same.verdict
+    for portion in (1, 7, 6144):
+        monkeypatch.setattr(scatter, "PORTION", portion * len(next(iter(units.values()))))
+        together = pipeline.calibrate_reduced(recipe, units)
+        assert [r.serial for r in together] == list(units)
+        for one, same in zip(alone, together, strict=True):
+            pairs = zip(numbers(one), numbers(same), strict=True)
+            assert all(np.array_equal(a, b) for a, b in pairs), (portion, one.serial)
+            assert one.verdict == same.verdict
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: str(rule["rule"]))
