@@ -8,7 +8,7 @@ import numpy as np
 from station.diagnosis.candidates.bank import Candidate, build_bank
 from station.diagnosis.candidates.kernels import KERNEL_NAMES, covariates_of
 from station.diagnosis.candidates.nuisance import AcceptedCause
-from station.diagnosis.candidates.shape import has_jump
+from station.diagnosis.candidates.shape import has_jump, with_form
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
@@ -152,6 +152,10 @@ def accepted_at_best(problem: ScoringProblem, cause: RankedCause) -> tuple[Accep
         return None, cause.at.floor
     best, at, hit = cause.best, cause.at, None
     if has_jump(best.effect) and best.pattern == "scan":
+        if best.own:
+            # At one time of all, from which each run's own is found once more, with those that jumped by less.
+            best = with_form(replace(best, own=()), best.own[0], problem.view)
+            at = score_bank(problem, [build_bank([best], problem.view.layout, moving=False)], at.floor)
         best, hit = fit_jump_times(problem, at.accept(best, problem.view), at.floor)
         at = score_bank(problem, [build_bank([best], problem.view.layout, moving=False)], at.floor)
     floor = problem.with_accepted((*problem.accepted, at.accept(best, problem.view, hit))).fit(at.floor).floor
