@@ -8,10 +8,11 @@ from station.diagnosis.candidates.nuisance import nuisance_of
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.data.residuals import initial_view
 from station.diagnosis.linear.noise_floor import covariance_root
+from station.diagnosis.results.blind_spots import BlindSpots
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.domain.core.types import Floats
 from station.model.simulate import SimulationJob, parse_effects, simulate
-from tests.blind.inspection import searched
+from tests.blind.inspection import diagnosis_of, searched
 
 
 def left_of(recipe_name: str, pull: Floats) -> float:
@@ -52,3 +53,11 @@ def test_a_floor_draws_where_turns_and_noise_are_one() -> None:
     assert np.linalg.matrix_rank(covariance) < 3
     root = covariance_root(covariance)
     np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-9, atol=0.0)
+
+
+def test_nothing_is_advised_for_what_a_gyroscope_does_not_feel() -> None:
+    """Neither a base that leans nor an arm that swings moves a rate: no level and no longer wait would show them."""
+    spins = load_recipe("gyroscope-six-point")
+    spots = BlindSpots.of_diagnosis(diagnosis_of(spins, simulate(SimulationJob(spins, ("A", "B"), seed=3)).table))
+    assert not {"base-tilt", "lever-arm"} & set(spots.causes)
+    assert not any("level" in remedy for remedy in spots.remedies)

@@ -35,9 +35,13 @@ class BlindSpots:
     @staticmethod
     def of_diagnosis(d: Diagnosis) -> "BlindSpots":
         """By the last look at the data: causes that these cannot show at all, and those that must be larger than usual.
-        What only a gold reference shows is left out."""
-        kinds: dict[str, type[Effect]] = {name: plugins.load(EFFECTS, name) for name in smooth_causes()}
-        kinds = {n: kind for n, kind in kinds.items() if not issubclass(kind, GoldEffect) and n != LocalGravity.id}
+        What only a gold reference shows is left out, and what this kind of sensor does not feel."""
+        every: dict[str, type[Effect]] = {name: plugins.load(EFFECTS, name) for name in smooth_causes()}
+        kinds = {
+            name: kind
+            for name, kind in every.items()
+            if kind.acts_on(d.recipe) and not issubclass(kind, GoldEffect) and name != LocalGravity.id
+        }
         smallest = smallest_detectable(d.search_result.stage, d.search_result.share)
         hidden = [
             name

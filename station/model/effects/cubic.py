@@ -23,7 +23,7 @@ class Cubic(SensorEffect):
 
     physics = "The reading has a cubic term in what the axis feels: the spring stiffens."
     remedy = "add the cube to the compensation, or ask the supplier about the lot"
-    shown_by = "add positions at 45°: at six faces a cube is a gain"
+    shown_by = "add positions at 45°, or spins at other speeds: at six faces a cube is a gain"
     drawn_over = "input"
     level = "device"
     of = ("unit", "common")
