@@ -166,19 +166,26 @@ def _mean_course(share: Floats, likely: Sequence[TemperatureCourse]) -> Temperat
     slope = np.asarray(share @ np.stack([c.slope for c in likely]))
     # Of values that are as read in all, those.
     value = likely[0].value + share @ np.stack([c.value - likely[0].value for c in likely])
-    off = [np.sqrt(w) * np.c_[c.slope - slope, c.modes] for w, c in zip(share, likely, strict=True)]
-    warm = [np.sqrt(w) * np.c_[c.value - value, c.value_modes] for w, c in zip(share, likely, strict=True)]
-    return TemperatureCourse(value, slope, _largest(off), _largest(warm))
+    off = _largest(share, np.stack([c.slope for c in likely]) - slope, np.stack([c.modes for c in likely]))
+    warm = _largest(share, np.stack([c.value for c in likely]) - value, np.stack([c.value_modes for c in likely]))
+    return TemperatureCourse(value, slope, off, warm)
 
 
-def _largest(errors: Sequence[Floats]) -> Floats:
-    """The largest modes (n, MODES) of errors (n, some) of independent parts."""
-    every = np.concatenate(errors, axis=1)
+def _largest(share: Floats, off: Floats, modes: Floats) -> Floats:
+    """The largest modes (n, MODES) of what likely courses (s), each of such a share, are off by: their means (s, n),
+    and modes (s, n, MODES)."""
+    every = np.concatenate([off[..., None], modes], axis=2) * np.sqrt(share)[:, None, None]
+    every = every.swapaxes(0, 1).reshape(off.shape[1], -1)
     if not every.any():
         return np.zeros((len(every), MODES))
     vectors, size, _ = np.linalg.svd(every, full_matrices=False)
-    modes = (vectors * size)[:, :MODES]
-    return np.pad(modes, ((0, 0), (0, MODES - modes.shape[1])))
+    return _padded((vectors * size)[:, :MODES])
+
+
+def _padded(modes: Floats) -> Floats:
+    """Modes (…, n, some) as MODES of them, those that are missing 0."""
+    missing = MODES - modes.shape[-1]
+    return np.concatenate([modes, np.zeros((*modes.shape[:-1], missing))], axis=-1) if missing > 0 else modes
 
 
 def _is_smooth(kinds: Sequence[RunTemperatures], likely: Sequence[Stiffness]) -> bool:
@@ -308,7 +315,7 @@ def _modes(unknown: Floats) -> Floats:
     """The largest modes (r, n, MODES) of covariances (r, n, n)."""
     values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
     modes = vectors[..., -MODES:] * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0))
-    return np.pad(modes, ((0, 0), (0, 0), (0, MODES - modes.shape[2])))
+    return _padded(modes)
 
 
 def _standing_still(runs: RunTemperatures) -> tuple[Floats, Floats, Floats, Floats]:
