@@ -49,6 +49,10 @@ class MeasuredCampaign:
     alone: bool = True
     hidden: tuple[str, ...] = ()
     null: NullDistribution | None = None
+    #: Longer campaigns that were asked for already: what is rated is simulated next, and promised last.
+    _longer: dict[tuple[int, bool], tuple[PlannedRuns, PlannedCampaign]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @property
     def known_runs(self) -> int:
@@ -74,6 +78,14 @@ class MeasuredCampaign:
     def gone_on(self, runs: PlannedRuns, *, exact: bool = False) -> PlannedCampaign:
         """The campaign with more runs: what was measured where and when it was, the rest as it is planned; exact: with
         a thermometer that shows the planned runs as warm as they are."""
+        key = id(runs), exact
+        if key not in self._longer:
+            # The runs are kept, so that no other ones get their place.
+            self._longer[key] = runs, self._planned(runs, exact=exact)
+        return self._longer[key][1]
+
+    def _planned(self, runs: PlannedRuns, *, exact: bool) -> PlannedCampaign:
+        """The same, simulated anew."""
         if self.samples is None:
             return PlannedCampaign.of(plan_runs(runs, self.units, self.line).problem, self.floor)
         done = len(self.recipe.runs)
