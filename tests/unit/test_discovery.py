@@ -236,6 +236,10 @@ def test_nothing_is_found_in_nothing_and_the_score_by_chance_is_that_of_the_whol
     def threshold_of(problem: Any, fitted: Any, scans: Any) -> float:
         nonlocal scores
         scores = chance.largest_scores(problem, fitted, scans, 3).tolist()
+        for scan in scans:
+            data = scan.space.residual[..., None] * np.array([1.0, -2.0])
+            every = [value.max(axis=0) for _, value in scan.scores(data)]
+            assert scan.largest_scores(data) == pytest.approx(np.max(every, axis=0), rel=1e-12)
         return chance.tail_quantile(np.asarray(scores))
 
     out = discover(problem, None, 3, threshold_of)

@@ -31,10 +31,7 @@ def largest_scores(problem: ScoringProblem, fitted: FittedFloor, scans: Sequence
     best = []
     for i, scan in enumerate(scans):
         rng = np.random.default_rng([seed, i])
-        parts = [
-            np.max([value.max(axis=0) for _, value in scan.scores(data)], axis=0)
-            for data in null_residuals(problem, fitted, scan.space, rng)
-        ]
+        parts = [scan.largest_scores(data) for data in null_residuals(problem, fitted, scan.space, rng)]
         best.append(np.concatenate(parts))
     return np.asarray(np.max(best, axis=0))
 

@@ -6,7 +6,7 @@ of coefficients, for all units or for each; its evidence needs only the share of
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -77,15 +77,36 @@ class Scan:
 
     def scores(self, data: Array) -> Iterator[tuple[ChoiceBatch, Floats]]:
         """Log evidence less price (F, n) of each batch for residuals (U, M, n)."""
-        products, rest = self.columns @ data.astype(np.float32, copy=False), np.einsum("umn,umn->n", data, data)
-        summed = products.sum(0, keepdims=True)
-        for batch in self.batches:
-            share = batch.taken(summed if len(batch.turn) == 1 else products) / rest
+        for batch, share in zip(self.batches, self._shares(data), strict=True):
             value = np.empty(share.shape)
             for rank in np.unique(batch.rank):
                 at = batch.rank == rank
                 value[at] = log_evidence(share[at], int(rank), self.space.dof) if rank else -np.inf
             yield batch, value - batch.prices[:, None]
+
+    def largest_scores(self, data: Array) -> Floats:
+        """The largest of these (n): of choices of one rank and price, that of the largest share."""
+        found = [np.full(data.shape[2], -np.inf)]
+        for kinds, share in zip(self._kinds, self._shares(data), strict=True):
+            for (rank, price), at in kinds.items():
+                found += [log_evidence(share[at].max(axis=0), rank, self.space.dof) - price] if rank else []
+        return np.asarray(np.max(found, axis=0))
+
+    @cached_property
+    def _kinds(self) -> list[dict[tuple[int, float], list[int]]]:
+        """Of each batch the places of the choices of each rank and price."""
+        found = [dict[tuple[int, float], list[int]]() for _ in self.batches]
+        for batch, kinds in zip(self.batches, found, strict=True):
+            for i, kind in enumerate(zip(batch.rank.tolist(), batch.prices.tolist(), strict=True)):
+                kinds.setdefault(kind, []).append(i)
+        return found
+
+    def _shares(self, data: Array) -> Iterator[Floats]:
+        """The share (F, n) of the sum of squares of residuals (U, M, n) that each choice of each batch takes up."""
+        products, rest = self.columns @ data.astype(np.float32, copy=False), np.einsum("umn,umn->n", data, data)
+        summed = products.sum(0, keepdims=True)
+        for batch in self.batches:
+            yield np.asarray(batch.taken(summed if len(batch.turn) == 1 else products) / rest)
 
 
 class ScannedUnits(NamedTuple):
