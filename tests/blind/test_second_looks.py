@@ -35,6 +35,7 @@ from station.domain.recipe.recipe import Recipe
 from station.model.effects.cubic import Cubic
 from station.model.effects.disturbed_visit import DisturbedVisit
 from station.model.effects.hysteresis import Hysteresis
+from station.model.effects.settling import Settling
 from station.model.formula.term import Term
 from station.model.model_file import Model
 from tests.blind.bench import Hidden, World, hide
@@ -353,3 +354,17 @@ def test_a_formula_that_writes_a_cause_with_other_coefficients_takes_no_place_of
         ones = np.full((len(term.names), term.axes), 1e-3)
         item = AcceptedCause(term, np.ones(len(term.names), bool), ones, 0 * ones, ones)
         assert _is_law_of(item, cause, problem, noise) is same
+
+
+@pytest.mark.parametrize(("seconds", "same"), [(0.12, True), (0.5, False)])
+def test_a_formula_that_writes_what_swings_after_a_move_takes_no_place_of_it(seconds: float, same: bool) -> None:
+    """Both change within the dwells; 5 mg that die away in another time are another law."""
+    problem = problem_of(KNOWN["settling"], 350 + SEED, units=2, d=20.0)
+    swings = candidates(Settling.example(), problem.view)
+    (common,) = [c for c in swings if c.of == "common" and c.effect == Settling(time_constant_s=0.12)]
+    cause = accept_candidate(common, np.ones(1, bool), 1e-3)
+    constants = (("time_constant_s", seconds),)
+    term = candidate_of(Term("step", "decay-since-arrival", ("x", "y", "z"), "common", constants), problem.view)
+    size = np.full((len(term.names), term.axes), 5e-3)
+    item = AcceptedCause(term, np.ones(len(term.names), bool), size, 0 * size, size)
+    assert _is_law_of(item, cause, problem, problem.fit().floor.noise) is same

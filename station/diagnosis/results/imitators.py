@@ -211,8 +211,8 @@ def _written_in(alone: Hypotheses, causes: Sequence[AcceptedCause], last: Scorin
     is such a law. Where a term may be any of several causes, all of them stay."""
     problem, noise = alone.problem, last.fit().floor.noise
     terms = problem.accepted[len(problem.accepted) - len(alone.terms) :]
-    still = [cause for cause in causes if not cause.candidate.moving and cause.candidate.pattern != "scan"]
-    same = [[cause for cause in still if _is_law_of(term, cause, problem, noise)] for term in terms]
+    told = [cause for cause in causes if cause.candidate.pattern != "scan"]
+    same = [[cause for cause in told if _is_law_of(term, cause, problem, noise)] for term in terms]
     if not same or not all(same):
         return ()
     chosen = {id(cause) for some in same for cause in some}
@@ -220,17 +220,23 @@ def _written_in(alone: Hypotheses, causes: Sequence[AcceptedCause], last: Scorin
 
 
 def _is_law_of(term: AcceptedCause, cause: AcceptedCause, problem: ScoringProblem, noise: float) -> bool:
-    """Whether a cause follows a term to within one standard deviation of all visits together."""
-    view, one = problem.view, term.candidate
-    if one.moving:
+    """Whether a cause follows a term to within one standard deviation of all visits and their contrasts together."""
+    view, size = problem.view, np.where(term.hit[:, None], term.coefficient, 0.0)[term.candidate.code]
+    follows = cause.in_view(view).candidate
+    if term.candidate.moving != follows.moving:
         return False
-    does = np.einsum("via,va->vi", one.visit, np.where(term.hit[:, None], term.coefficient, 0.0)[one.code])
-    columns = np.concatenate([cause.in_view(view).candidate.visit, view.calibration(problem.matrix)], axis=2)
-    left, unit = 0.0, view.scene.visits.unit.code
+    known, unit = view.calibration(problem.matrix), view.scene.visits.unit.code
+    columns = np.concatenate([follows.visit, known], axis=2)[:, None] / noise
+    does = np.einsum("via,va->vi", term.candidate.visit, size)[:, None] / noise
+    if term.candidate.dwell is not None and follows.dwell is not None:
+        inside = np.concatenate([follows.dwell, np.zeros((*follows.dwell.shape[:3], known.shape[2]))], axis=3)
+        columns = np.concatenate([columns, inside / view.sigma], axis=1)
+        does = np.concatenate([does, np.einsum("vbia,va->vbi", term.candidate.dwell, size) / view.sigma], axis=1)
+    left = 0.0
     for u in np.unique(unit):
-        own, target = columns[unit == u].reshape(-1, columns.shape[2]), does[unit == u].ravel()
+        own, target = columns[unit == u].reshape(-1, columns.shape[3]), does[unit == u].ravel()
         left += float(np.sum((target - own @ np.linalg.lstsq(own, target, rcond=None)[0]) ** 2))
-    return left < noise**2
+    return left < 1.0
 
 
 def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:
