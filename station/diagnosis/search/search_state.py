@@ -41,7 +41,7 @@ LawFactory = Callable[["CauseSearch", float, float], "LawAlone | None"]
 #: A cause beside a grown floor must gain so many nats to come before it.
 EVIDENT_NATS = 6.0
 #: Chance of an alarm by any of the laws, whose chance is that of all of them together.
-LAW_LEVEL = 1e-3
+LAW_LEVEL = 2e-3
 #: How often one and the same cause may be found.
 MAX_REPEATS = 2
 
