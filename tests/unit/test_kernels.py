@@ -330,6 +330,11 @@ def _root_of_the_step(view: ResidualView, rng: np.random.Generator) -> Floats:
     return np.asarray(np.sign(step) * np.sqrt(np.abs(step)) * rng.standard_normal(3))
 
 
+def _angle_of_a_head(view: ResidualView, rng: np.random.Generator) -> Floats:
+    x, y, _ = resting_stimulus(view.scene).T
+    return np.asarray((np.hypot(x, y) * np.cos(3 * np.arctan2(y, x)))[:, None] * rng.standard_normal(3))
+
+
 def _gain_at_one_temperature(view: ResidualView, rng: np.random.Generator) -> Floats:
     T = view.scene.temperature_degC
     assert T is not None
@@ -360,6 +365,7 @@ def _coefficient_while_it_warms_fast(view: ResidualView, rng: np.random.Generato
         (_square_of_the_rate, "temperature", 3, 1e-3),
         (_root_of_the_step, "order", 3, 1e-3),
         (_sizes_of_the_others, "input", 6, 1e-3),
+        (_angle_of_a_head, "input", 6, 1e-9),
         (_gain_by_the_side_of_another, "input", 6, 1e-9),
         # Between two places, phases or periods that are tried less is lost than any cause loses.
         (_stairs_of_a_compensation, "temperature", 3, 0.4),

@@ -118,6 +118,17 @@ def _changes_sign(w: World, rng: Scaled) -> tuple[Any, Any]:
     return w.a, sign[:, None] * rng.amplitude(1e-4, (2, 3))[w.unit]
 
 
+def _of_one_nest(w: World, rng: Scaled) -> tuple[Any, Any]:
+    """A nest that drags at what comes into it, whichever unit it is."""
+    return w.a, (w.nest == 1)[:, None] * (w.before - w.a) * rng.amplitude(1e-4, (3,))
+
+
+def test_what_one_nest_does_to_any_unit_is_found_as_that() -> None:
+    problem = _problem(hide(recipe(), _of_one_nest, 63, units=2, d=14.0)[0])  # type: ignore[arg-type]
+    found = find_laws(problem, problem.fit().floor, laws_to_find(problem.view))
+    assert found["order*group/law"].nats == max(f.nats for f in found.values())
+
+
 def test_a_law_that_no_wide_kernel_follows_is_found() -> None:
     problem = _problem(hide(recipe(), _changes_sign, 62, units=2, d=11.0, floor=FULL)[0])  # type: ignore[arg-type]
     found = find_laws(problem, problem.fit().floor, laws_to_find(problem.view))

@@ -60,7 +60,8 @@ STATES = (STATE, NEST_STATE, ARRIVALS)
 LAWS = tuple(
     f"{words}/law"
     for words in (
-        *("time", "temperature", "input", "order", "motor", "order*input", "position*input"),
+        *("time", "temperature", "input", "order", "motor", "position", "order*input", "position*input"),
+        *("time*group", "temperature*group", "input*group", "order*group", "motor*group"),
         *("temperature*time", "temperature*motor", "time*motor"),
         *("time*input", "temperature*input", "motor*input", "time*order", "temperature*order", "motor*order"),
         *("temperature*time*input", "temperature*motor*input", "time*motor*input"),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import Candidate, candidates
 from station.diagnosis.candidates.course_laws import Course, leaning_courses, offset_courses
-from station.diagnosis.candidates.law_forms import curves_by_covariate, laws_of_view
+from station.diagnosis.candidates.law_forms import curves_by_covariate, laws_of_nests, laws_of_view
 from station.diagnosis.candidates.rival_laws import turning_courses
 from station.diagnosis.data.residuals import ResidualView
 from station.domain.core.types import Floats
@@ -50,6 +50,9 @@ def law_families(view: ResidualView) -> Iterator[LawFamily]:
     own = (True, False) if view.grid.units > 1 else (True,)
     code = np.zeros(visits, np.int32)
     yield LawFamily(np.broadcast_to(np.eye(3), (visits, 3, 3)), code, 1, own, tuple(offsets))
+    of_nests = [law for law in laws_of_nests(view, curves) if not (one_stimulus and law[0] == "input")]
+    if of_nests:
+        yield _of_nests(view, [FamilyLaw(f"{name}*group", parts) for name, parts in of_nests])
     if view.scene.recipe.pose_known:
         leaning = _close(leaning_courses(view, curves))
         turning = [] if one_stimulus else [FamilyLaw(name, (x[:, None],)) for name, x in turning_courses(view, curves)]
@@ -60,6 +63,12 @@ def law_families(view: ResidualView) -> Iterator[LawFamily]:
             if one not in nests or len(nests) == 1 or one.of != "common":
                 laws = [*laws, *leaning]
             yield _of_base(one, view, laws)
+
+
+def _of_nests(view: ResidualView, laws: Sequence[FamilyLaw]) -> LawFamily:
+    """Offsets of each nest."""
+    code, names = view.scene.group("nest")
+    return LawFamily(np.broadcast_to(np.eye(3), (len(code), 3, 3)), code, len(names), (False,), tuple(laws))
 
 
 def _close(courses: Iterator[Course]) -> list[FamilyLaw]:

@@ -6,6 +6,7 @@ from itertools import chain, combinations, product
 
 import numpy as np
 
+from station.diagnosis.candidates.angle_laws import angle_laws
 from station.diagnosis.candidates.motion_kernels import remembered
 from station.diagnosis.candidates.motion_laws import motion_laws
 from station.diagnosis.candidates.temperature_memory import MIN_TEMPERATURE_RANGE, TemperatureMemory
@@ -64,7 +65,7 @@ def laws_of_view(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[L
     yield from chain(_offsets(curves), _gains(curves, a), _products(curves, a, step), _crosstalk(curves, a))
     yield from chain(_memories(view), _campaign(view), _stairs(view), _visits_before(view, a, step))
     yield from chain(_products_of_axes(curves, a), _forms_of_input(a), _forms_of_step(a, step))
-    yield from chain(_shocks(view), _heat_flows(view, a))
+    yield from chain(_shocks(view), _heat_flows(view, a), _angles(view, a))
     plain = {name: of.plain for name, of in curves.items()}
     yield from ((name, tuple(map(on_every_axis, parts))) for name, parts in motion_laws(view, plain))
 
@@ -192,7 +193,8 @@ def _heat_flows(view: ResidualView, a: Floats) -> Iterator[Law]:
     if rate is None or not np.ptp(rate):
         return
     flow = _from_zero(rate)
-    for form in (flow, np.sign(rate), centred_values(rate)):
+    # Where the temperature only rises, its side is a gain.
+    for form in (x for x in (flow, np.sign(rate), centred_values(rate)) if np.ptp(x) > 0):
         yield "temperature*input", (on_every_axis(form) * a,)
     yield from (("temperature*input", (on_every_axis(flow * side),)) for side in a.T)
 
@@ -256,7 +258,7 @@ def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator
 def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     """What an axis picks up from the next two, varying with a covariate."""
     for name, of in curves.items():
-        for x in (of.plain, of.switched[len(of.switched) // 2]):
+        for x in (of.plain, *of.switched[:: max(len(of.switched) // 4, 1)]):
             yield f"{name}*input", (on_every_axis(x) * np.roll(a, 1, axis=1), on_every_axis(x) * np.roll(a, 2, axis=1))
 
 
@@ -282,7 +284,28 @@ def _forms_of_input(a: Floats) -> Iterator[Law]:
     yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     yield from (("input", (form(one), form(two))) for form in (np.abs, np.square))
+    yield from (("input", forms) for forms in ((a**2 * one, a**2 * two), (one * two,), (a * one * two,)))
     yield from (("input", (a * form(one), a * form(two))) for form in (np.abs, np.square, _side))
+
+
+def _angles(view: ResidualView, a: Floats) -> Iterator[Law]:
+    """What follows the angle of the part, and that of its nest where the part was turned in it."""
+    yield from (("input", parts) for parts in angle_laws(a))
+    seat = view.scene.visits.seat_R
+    if view.scene.recipe.pose_known and np.any(np.ptp(seat, axis=0) > 1e-6):
+        yield from (("position", parts) for parts in angle_laws(np.einsum("vij,vj->vi", seat, a)))
+
+
+def laws_of_nests(view: ResidualView, curves: Mapping[str, Curves]) -> Iterator[Law]:
+    """What may be another in each nest: a bend, a memory, a course. None where nests and units are the same."""
+    code, names = view.scene.group("nest")
+    both = len(np.unique(np.stack([view.scene.visits.unit.code, code]), axis=1).T)
+    if len(names) < 2 or both == len(names) == view.grid.units:
+        return
+    a = _stimulus(view)
+    yield from (("input", (form,)) for form in (a, a**2, np.abs(a)))
+    yield "order", (steps_of_stimulus(view),)
+    yield from ((name, (on_every_axis(of.plain),)) for name, of in curves.items())
 
 
 def _side(a: Floats) -> Floats:
@@ -299,6 +322,9 @@ def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
     )
     yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
     before = a + step
+    yield from (("order", (form,)) for form in (before**2, np.abs(before)))
+    yield "order", (np.roll(before, 1, axis=1), np.roll(before, 2, axis=1))
+    yield from (("order*input", (form * a,)) for form in (before, way))
     yield "order*input", (np.roll(before, 1, axis=1) * a, np.roll(before, 2, axis=1) * a)
     move = on_every_axis(np.linalg.norm(step, axis=1))
     yield from (("order", (form,)) for form in (move, step * move, way * move))

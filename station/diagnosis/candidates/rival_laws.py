@@ -24,6 +24,7 @@ from station.diagnosis.candidates.law_forms import (
     centred_values,
     curves_by_covariate,
     fades_of_campaign,
+    laws_of_nests,
     laws_of_view,
     on_every_axis,
     steps_of_stimulus,
@@ -73,7 +74,9 @@ def rival_laws(view: ResidualView, cause: AcceptedCause | None = None, level: st
     found = [laws_at_levels(view, laws_of_view(view, curves), levels), _tilts(view, curves)]
     if of in LABELS:
         found.append(laws_at_levels(view, chain(laws_of_view(view, curves), _straight(curves)), (of,)))
-    elif of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
+    else:
+        found.append(laws_at_levels(view, laws_of_nests(view, curves), ("nest",)))
+    if of == "run" and len(view.scene.group("run")[1]) > view.grid.units:
         found.append(laws_at_levels(view, _courses_of_run(curves), (of,)))
     if cause is not None:
         found += [laws_at_levels(view, _switches_at(cause, view), levels), _changing(cause.candidate, view, curves)]
