@@ -19,6 +19,9 @@ Serve = Callable[..., Site]
 LogIn = Callable[..., Browser]
 pytestmark = pytest.mark.timeout(240)
 F2 = "\ue032"
+#: A unit is turned by hand between two runs.
+TURNED = {"axis": [0, 0, 1], "angle_deg": 180}
+RUNS = [{"seating": "home", "order": "listed"}, {"seating": "turned", "order": "reversed"}]
 
 
 def verdict(nest: str) -> str:
@@ -128,9 +131,7 @@ def test_the_keyboard_alone_does_it(serve: Serve, log_in: LogIn) -> None:
 def test_an_operator_turns_the_units_by_hand_and_scans_the_next_load(
     serve: Serve, log_in: LogIn, tmp_path: Path, pictures: Path, axe: str
 ) -> None:
-    turned = {"axis": [0, 0, 1], "angle_deg": 180}
-    runs = [{"seating": "home", "order": "listed"}, {"seating": "turned", "order": "reversed"}]
-    recipe = fixture_run.recipe(tmp_path, seatings={"turned": turned}, runs=runs)
+    recipe = fixture_run.recipe(tmp_path, seatings={"turned": TURNED}, runs=RUNS)
     page = log_in(serve("--pace", "40", "--recipe", recipe), language="de")
     page.wait("document.activeElement.id === 'scan'")
     scan(page, "SN0001", "SN0002")
@@ -194,17 +195,20 @@ def test_two_screens_and_a_lost_connection_show_the_same_truth(serve: Serve, log
     two.wait("document.querySelector('[data-nest=B] [data-part=serial]').textContent === 'SN0008'", 1.0)
 
 
-def test_a_panel_that_dies_hurts_no_run_and_finds_it_again(serve: Serve, log_in: LogIn) -> None:
-    site = serve("--pace", "1")
+def test_a_panel_that_dies_hurts_no_run_and_finds_it_again(serve: Serve, log_in: LogIn, tmp_path: Path) -> None:
+    """The run goes on to its question to a person, where it waits however long another panel takes to start."""
+    recipe = fixture_run.recipe(tmp_path, seatings={"turned": TURNED}, runs=RUNS)
+    site = serve("--pace", "4", "--recipe", recipe)
     page = log_in(site)
     scan(page, "SN0001")
     page.click("#start")
-    page.wait("document.querySelector('.line [data-is=now] .name').textContent === 'z-down'", 60)
+    done = "document.querySelectorAll('.line [data-is=done]').length >= 2"
+    page.wait(f"document.body.dataset.state === 'running' && {done}", 60)
     site.process.kill()
     page.wait("document.body.dataset.lost === 'true'", 5)
-    again = log_in(serve("--pace", "1"))
-    done = "document.querySelectorAll('.line [data-is=done]').length >= 2"
+    again = log_in(serve("--pace", "4", "--recipe", recipe))
     again.wait(f"document.body.dataset.running === 'true' && {done}", 2)
+    state(again, "act", 60)
     again.click("#stop")
     again.wait(f"{verdict('A')} === 'ABORTED' && document.body.dataset.running === 'false'", 20)
 
