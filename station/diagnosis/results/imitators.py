@@ -19,7 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.candidates.nuisance import AcceptedCause, accepted_columns
 from station.diagnosis.data.sample_source import SampleSource
 from station.diagnosis.discovery.discover import MAX_TERMS
@@ -29,8 +31,9 @@ from station.diagnosis.results.hypotheses import Hypotheses, propose_formula
 from station.diagnosis.search.cause_chains import CHOICE_NATS
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.form_check import in_place_of
-from station.diagnosis.search.problem import problem_in_view, refined
+from station.diagnosis.search.problem import marginal_nats, problem_in_view, refined
 from station.diagnosis.search.scoring import ScoringProblem
+from station.domain.core.types import Floats
 
 #: So many causes that leave nothing are worth a look for one formula that says the same.
 LEAST_CAUSES = 2
@@ -123,10 +126,10 @@ def _is_simpler(alone: Hypotheses, with_causes: Explanation, last: ScoringProble
     after its price."""
     problem = _alike(last if with_causes.formula is None else with_causes.formula.problem)
     bare = _in_noise_of(_alike(alone.problem), problem)
-    causes_nats = _profile(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
+    causes_nats = marginal_nats(problem) - CHOICE_NATS * len(with_causes.causes) - _price(with_causes.formula)
     if len(alone.terms) >= with_causes.parts and _rest(problem) - _rest(bare) < BEYOND_NOISE**2:
         return False
-    return _profile(bare) - _price(alone) > causes_nats
+    return marginal_nats(bare) - _price(alone) > causes_nats
 
 
 def _in_noise_of(problem: ScoringProblem, other: ScoringProblem) -> ScoringProblem:
@@ -161,17 +164,11 @@ def _price(formula: Hypotheses | None) -> float:
     return 0.0 if formula is None else sum(price(t.found.fit.term) for t in formula.terms)
 
 
-def _profile(problem: ScoringProblem) -> float:
-    """Log-likelihood of the readings beside everything known, with the coefficients fitted under their priors."""
-    priors = np.concatenate([problem.known.per_unit_precision.ravel(), problem.known.shared_precision])
-    return problem.fit().space.profile + 0.5 * float(np.sum(np.log(priors[priors > 0])))
-
-
 def _causes_in(alone: Hypotheses, paying: Sequence[AcceptedCause]) -> tuple[AcceptedCause, ...]:
     """The causes that say the same as a term of the formula: in its place they leave no more, apart from its price."""
     if len(alone.terms) < 2:
         return ()
-    whole = _profile(_alike(alone.problem))
+    whole = marginal_nats(_alike(alone.problem))
     first = len(alone.problem.accepted) - len(alone.terms)
     found = []
     for cause in paying:
@@ -193,17 +190,28 @@ def _are_the_formula(alone: Hypotheses, causes: Sequence[AcceptedCause]) -> bool
     for i in reversed(range(first, len(bare.accepted))):
         bare = bare.without(i)
     view, space = bare.view, bare.fit().space
-    found = [[accepted_columns(item.in_view(view), view.layout) for item in items] for items in (terms, causes)]
-    if view.grid.units > 1 and not all(place.own for items in found for _, place in items):
+    if any(_is_shared(item.candidate, bare) for item in (*terms, *causes)):
         return False
-    formula, known = (np.concatenate([space.project(rows) for rows, _ in items], axis=2) for items in found)
-    if known.shape[2] > formula.shape[2]:
+    found = [[accepted_columns(item.in_view(view), view.layout)[0] for item in items] for items in (terms, causes)]
+    formula, known = (np.concatenate([space.project(rows) for rows in items], axis=2) for items in found)
+    if np.any(_count_columns(known) > _count_columns(formula)):
         return False
     for own, columns in zip(known, formula, strict=True):
         rest = columns - own @ np.linalg.lstsq(own, columns, rcond=None)[0]
         if float(np.sum(rest**2)) > SAME_LAW * float(np.sum(columns**2)):
             return False
     return True
+
+
+def _is_shared(candidate: Candidate, problem: ScoringProblem) -> bool:
+    """Whether any coefficient is that of several units: not where each nest holds a unit of its own."""
+    units = np.unique(np.stack([candidate.code, problem.view.scene.visits.unit.code]), axis=1)[0]
+    return bool(np.bincount(units).max() > 1)
+
+
+def _count_columns(columns: Floats) -> NDArray[np.intp]:
+    """How many columns (U, M, c) of each unit are not nothing."""
+    return np.asarray(np.any(columns != 0.0, axis=1).sum(axis=1))
 
 
 def _written_in(alone: Hypotheses, causes: Sequence[AcceptedCause], last: ScoringProblem) -> tuple[AcceptedCause, ...]:
@@ -242,4 +250,4 @@ def _is_law_of(term: AcceptedCause, cause: AcceptedCause, problem: ScoringProble
 def _profile_with(cause: AcceptedCause, bare: ScoringProblem) -> float:
     """Log-likelihood of the readings with a cause beside what is known, at its best."""
     fresh = replace(cause, coefficient=np.zeros(cause.coefficient.shape)).in_view(bare.view)
-    return _profile(_alike(refined(bare.with_accepted([*bare.accepted, fresh]), rounds=2)))
+    return marginal_nats(_alike(refined(bare.with_accepted([*bare.accepted, fresh]), rounds=2)))

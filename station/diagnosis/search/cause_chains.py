@@ -7,6 +7,7 @@ import numpy as np
 from station.diagnosis.search.alarm import UNKNOWN_NATS
 from station.diagnosis.search.chain_starts import first_of_chains, parts_of_cause
 from station.diagnosis.search.finding import KERNEL_MARGIN, CauseFinding
+from station.diagnosis.search.problem import marginal_nats
 from station.diagnosis.search.rank import RankedCause, leaders
 from station.diagnosis.search.search_state import EVIDENT_NATS, MAX_REPEATS, CauseSearch, SearchState
 
@@ -53,7 +54,11 @@ def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCau
     causes = [r for r in first_of_chains(state.problem, ranks, kernel) if r.evidence > 0 or r.name not in before]
     reached = set[KnownCauses]()
     tried = [chain_from(search, first, state, ranks, before, reached) for first in causes]
-    value, found = max(tried, key=lambda pair: pair[0], default=(0.0, []))
+    quiet = [(v, f) for v, f in tried if f and not f[-1][1].alarms]
+    # Of chains that leave nothing the likeliest as a whole: evidence in what the others still leave is too kind to
+    # causes of many numbers, which cost little beside so much noise.
+    likely = max(quiet, key=lambda pair: _whole_nats(pair[1]), default=None)
+    value, found = likely or max(tried, key=lambda pair: pair[0], default=(0.0, []))
     # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to. Where
     # nothing is left, the kernel must beat them by its share, as it must beat a single cause.
     margin = UNKNOWN_NATS if found and found[-1][1].alarms else -KERNEL_MARGIN * value
@@ -73,9 +78,10 @@ def chain_from(
     total, found, known = 0.0, Chain(), KnownCauses()
     while (known := tuple(sorted((*known, _key(cause))))) not in reached:
         reached.add(known)
-        total += cause.evidence - CHOICE_NATS * bool(found)
-        found.append(search.accepted(state, ranks, cause))
-        state = found[-1][1]
+        finding, after = search.accepted(state, ranks, cause)
+        total += finding.evidence[cause.name] - CHOICE_NATS * bool(found)
+        found.append((finding, after))
+        state = after
         if not state.alarms:
             return total, found
         ranks = search.ranks(state, [*before, *(f.name for f, _ in found)])
@@ -85,6 +91,11 @@ def chain_from(
             return total + left - CHOICE_NATS, found
         cause = best
     return -np.inf, found
+
+
+def _whole_nats(found: Chain) -> float:
+    """How likely the readings are with all causes of a chain known, each further one being one more choice."""
+    return marginal_nats(found[-1][1].problem) - CHOICE_NATS * len(found)
 
 
 def _key(cause: RankedCause) -> tuple[str, str, str]:

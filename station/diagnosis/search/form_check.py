@@ -30,6 +30,7 @@ from station.diagnosis.candidates.order_kernels import came_from
 from station.diagnosis.candidates.rival_laws import covariates_of_law, fading_laws, laws_within_dwells, rival_laws
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.noise_floor import NoiseFloor
+from station.diagnosis.search.bend import bend_nats
 from station.diagnosis.search.extent import Extent, best_extent
 from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.law_chance import chance_of_lead
@@ -109,7 +110,8 @@ def compare_laws(problem: ScoringProblem, i: int, floor: NoiseFloor, alike: Iter
     promising = _promising(bare, forms, laws, floor)
     ranks = _ranked(bare, forms, promising, floor)
     own = [ranks.pop(c.name).evidence for c in forms if c.name in ranks]
-    found = _rivals(ranks, _within_form_error(max(own))) if own else RivalLaws(-np.inf, ())
+    bend = bend_nats(problem, bare, problem.accepted[i], floor)
+    found = _rivals(ranks, _within_form_error(max(own)) + bend) if own else RivalLaws(-np.inf, ())
     if 0 < found.lead <= PROMISING_NATS:
         found = replace(found, chance=chance_of_lead(problem, bare, forms, promising, floor, found.lead))
     coming = _coming_on(problem.accepted[i].candidate, bare, floor)

@@ -217,3 +217,9 @@ def with_active_causes(view: ResidualView, accepted: tuple[AcceptedCause, ...]) 
 def _converged(noise: float, steps: list[Floats]) -> bool:
     """Whether the last step of every parameter is far below the noise: what it leaves is of second order."""
     return all(float(np.max(np.abs(s), initial=0.0)) < 1e-3 * noise for s in steps)
+
+
+def marginal_nats(problem: ScoringProblem) -> float:
+    """Log-likelihood of the readings beside everything known, with the coefficients fitted under their priors."""
+    priors = np.concatenate([problem.known.per_unit_precision.ravel(), problem.known.shared_precision])
+    return problem.fit().space.profile + 0.5 * float(np.sum(np.log(priors[priors > 0])))

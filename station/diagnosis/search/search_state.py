@@ -11,6 +11,7 @@ from station.diagnosis.candidates.bank import Bank, smooth_causes
 from station.diagnosis.candidates.projected_bank import visible_candidates
 from station.diagnosis.linear.noise_floor import FittedFloor, NoiseFloor
 from station.diagnosis.search.alarm import NullDistribution, statistic
+from station.diagnosis.search.bend import bend_nats
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.finding import CauseFinding, cause_finding
@@ -149,6 +150,12 @@ class CauseSearch:
         """A cause as a finding, and the state with it accepted."""
         finding = cause_finding(state.problem, ranks, cause, state.statistic)
         after = self.state(_accept_finding(state.problem, finding))
+        item = finding.accepted
+        bend = bend_nats(after.problem, state.problem, item, finding.floor) if item is not None else 0.0
+        if bend > EVIDENT_NATS:
+            alike = {finding.name, *finding.indistinguishable_from}
+            bent = {n: replace(r, evidence=r.evidence + bend) if n in alike else r for n, r in ranks.items()}
+            finding = cause_finding(state.problem, bent, bent[cause.name], state.statistic)
         freed = freed_turn(state.problem, finding) if after.alarms else None
         if freed is None:
             return finding, after
