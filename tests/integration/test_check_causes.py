@@ -22,8 +22,10 @@ def test_six_faces_leave_the_classic_ties(capsys: pytest.CaptureFixture[str]) ->
     causes = checked("six-point", capsys)
     assert causes["quadratic"]["cannot_tell_from"] == ["asymmetry"]
     assert "package-rotation" in causes["nest-tilt"]["cannot_tell_from"]
-    # By what a thermometer may err, a rate of temperature could follow anything.
-    assert all("temperature-rate" not in c["cannot_tell_from"] for c in causes.values() if isinstance(c, dict))
+    # By what a thermometer may err, a rate of temperature could follow anything; as the rate of one exponential it is
+    # what the slow causes do in a run of half a minute.
+    like_a_rate = {e for e, c in causes.items() if e != "hidden" and "temperature-rate" in c["cannot_tell_from"]}
+    assert like_a_rate <= {"bias-drift", "clamp-creep", "offset-temperature", "warm-up"}
     assert {"cubic", "cross-quadratic", "local-gravity"} <= set(causes["hidden"])
 
 

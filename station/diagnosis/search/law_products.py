@@ -91,7 +91,7 @@ def lengths(family: LawFamily, layout: RowLayout, courses: Floats) -> Floats:
     return np.asarray(np.max(each, axis=(0, 2)))
 
 
-def laid_out(courses: list[tuple[Floats, ...]], layout: RowLayout) -> Floats:
+def course_rows(courses: list[tuple[Floats, ...]], layout: RowLayout) -> Floats:
     """Courses of laws as (p, a, U, R, V, n)."""
     grid = VisitGrid(layout.grid.slot, 1)
     n, p, (v, a) = len(courses), len(courses[0]), courses[0][0].shape

@@ -21,7 +21,7 @@ from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.linear.projection import ResidualSpace
-from station.diagnosis.search.law_products import FamilySpace, LawProducts, laid_out, lengths
+from station.diagnosis.search.law_products import FamilySpace, LawProducts, course_rows, lengths
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.unseen import Unseen
 from station.domain.core.types import Floats
@@ -97,7 +97,7 @@ def _of_family(
     for shape in dict.fromkeys(shapes):
         alike = [i for i, other in enumerate(shapes) if other == shape]
         for which in (alike[first : first + AT_ONCE] for first in range(0, len(alike), AT_ONCE)):
-            courses = laid_out([family.laws[i].courses for i in which], layout)
+            courses = course_rows([family.laws[i].courses for i in which], layout)
             length = lengths(family, layout, courses) / floor.noise**2
             products = [space.products(courses) for space in seen]
             for level, own in enumerate(family.own):
