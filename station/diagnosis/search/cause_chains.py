@@ -57,7 +57,8 @@ def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCau
     quiet = [(v, f) for v, f in tried if f and not f[-1][1].alarms]
     # Of chains that leave nothing the likeliest as a whole: evidence in what the others still leave is too kind to
     # causes of many numbers, which cost little beside so much noise.
-    likely = max(quiet, key=lambda pair: _whole_nats(pair[1]), default=None)
+    # One that comes twice makes up for what its first size missed.
+    likely = max(quiet, key=lambda pair: (_is_of_different_causes(pair[1]), _whole_nats(pair[1])), default=None)
     value, found = likely or max(tried, key=lambda pair: pair[0], default=(0.0, []))
     # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to. Where
     # nothing is left, the kernel must beat them by its share, as it must beat a single cause.
@@ -91,6 +92,10 @@ def chain_from(
             return total + left - CHOICE_NATS, found
         cause = best
     return -np.inf, found
+
+
+def _is_of_different_causes(found: Chain) -> bool:
+    return len({f.name for f, _ in found}) == len(found)
 
 
 def _whole_nats(found: Chain) -> float:
