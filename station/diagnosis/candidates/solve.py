@@ -10,6 +10,8 @@ from station.domain.core.types import Floats
 
 #: Directions shorter than this share of the longest are not estimated.
 EIGENVALUE_CUT = 1e-12
+#: Directions of columns of unit length that are shorter than the root of this say the same twice.
+SAME_COLUMNS = 1e-9
 #: The square of one over a shorter column is no number.
 LEAST_SIZE = 1e-150
 
@@ -92,3 +94,18 @@ def _inverse(normal: Floats) -> Floats:
     inverse = np.where(live, 1 / np.where(live, size, 1.0), 0.0)
     scale = inverse[..., :, None] * inverse[..., None, :]
     return np.asarray(np.linalg.pinv(normal * scale, EIGENVALUE_CUT, hermitian=True) * scale)
+
+
+def with_most_in_first(columns: Floats, own: Floats, first: int) -> Floats:
+    """Coefficients (U, p) of columns (U, M, p) that do the same, with as much of it as can be in the first so many:
+    where columns tell the same, a solution shares it out between them. The simulation has only the calibration's."""
+    length = np.linalg.norm(columns, axis=1)
+    length = np.where(length > 0, length, 1.0)
+    moved = own.copy()
+    for u, unit in enumerate(columns / length[:, None]):
+        values, vectors = np.linalg.eigh(unit.T @ unit)
+        same = vectors[:, values < SAME_COLUMNS * values.max(initial=0.0)]
+        if same.shape[1]:
+            by = np.linalg.lstsq(same[first:], (own[u] * length[u])[first:], rcond=None)[0]
+            moved[u] -= (same @ by) / length[u]
+    return moved

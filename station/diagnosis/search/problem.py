@@ -9,7 +9,7 @@ from station.diagnosis.candidates.bank import Candidate, smooth_causes
 from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.candidates.going_round import possible_angles
 from station.diagnosis.candidates.nuisance import AcceptedCause, active_together, nuisance_of
-from station.diagnosis.candidates.solve import solve, whitened
+from station.diagnosis.candidates.solve import solve, whitened, with_most_in_first
 from station.diagnosis.data.reduce import ReducedScene
 from station.diagnosis.data.residuals import (
     ResidualView,
@@ -164,7 +164,11 @@ def refined(problem: ScoringProblem, rounds: int = 4) -> ScoringProblem:
         fitted = problem.fit()
         white = whitened(fitted.space.covariance, problem.known, readings)
         solved = solve(white)
-        own = solved.own[:, : problem.view.calibration(problem.matrix).shape[-1]]
+        calibration, own = problem.view.calibration(problem.matrix).shape[-1], solved.own
+        if problem.view.scene.recipe.feels_rotation:
+            # The speed of the rate table moves what a gain does.
+            own = with_most_in_first(white.own, own, calibration)
+        own = own[:, :calibration]
         steps = [solved.at(place)[0] for place in problem.places]
         moved = _moved(problem, own, steps)
         if problem.view.grid.k == 1 and _is_far(problem.view, own):
