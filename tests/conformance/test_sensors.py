@@ -206,6 +206,30 @@ def test_a_stated_g_sensitivity_is_no_scatter_as_well(rng: np.random.Generator) 
     assert found.budget.std()[[3, 7, 11]] == pytest.approx([1e-4] * 3, rel=0.2), "the table's speed alone"
 
 
+def test_gravity_goes_round_a_level_spindle_and_leaves_nothing_in_the_mean(rng: np.random.Generator) -> None:
+    """About a level axis only what lies along it stays, so that spins and rests give the coefficients without an error
+    of the g-sensitivity; its budget holds none either."""
+    level = dict(zip("xyz", ("+z", "+x", "+y"), strict=True))
+    spins = [
+        {"name": f"{a}{sign}", "up": level[a], "rate": (100 * sign * np.eye(3)["xyz".index(a)]).tolist()}
+        for a in "xyz"
+        for sign in (1, -1)
+    ]
+    rests = [{"name": f"rest{up}", "up": up, "rate": [0, 0, 0]} for up in ("+x", "-x", "+y", "-y", "+z", "-z")]
+    more: dict[str, Any] = {"positions": [*spins, *rests], "reference": tumble.TRUTHS["gyroscope"]["reference"]}
+    recipe = tumble.recipe("n-point", "gyroscope", **more)
+    names, seats, true = stops(recipe)
+    felt = method.nuisance(recipe, names, seats, true)
+    assert np.abs(felt[:6]).max() < 1e-12
+    pull = 0.1 * rng.standard_normal((3, 3))
+    gravity = np.array([recipe.position(p).matrix()[2] for p in names]) * (np.arange(12) >= 6)[:, None]
+    result = tumble.calibrate_unit(
+        recipe, tumble.table(recipe, (true + gravity @ pull.T)[None], 1e-4, 50, rng), tumble.TODAY
+    )
+    np.testing.assert_allclose(tumble.coefficients(result), [*[0] * 3, *np.eye(3).ravel()], atol=1e-3)
+    assert result.budget is not None and result.budget.std("g-sensitivity").max() < 1e-9
+
+
 def test_a_table_that_stands_still_has_no_wrong_speed() -> None:
     """What is stated is its fastest speed's; the Earth's turning is known."""
     speeds = {"rest": 0.0, "slow": 10.0, "fast": 100.0}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
-from station.diagnosis.candidates.going_round import going_round_columns, steady_pull
+from station.diagnosis.candidates.going_round import going_round_columns
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.data.residuals import ResidualView, initial_view
 from station.domain.core.types import Floats, SampleTable
@@ -86,12 +86,3 @@ def test_where_the_noise_hides_it_there_are_no_columns() -> None:
     recipe = spins(3.6, density=0.1)
     table = simulate(SimulationJob(recipe, ("A",), seed=5)).table
     assert going_round_columns(initial_view(reduce_samples(recipe, table))) is None
-
-
-def test_a_level_table_leaves_no_pull_of_gravity_in_the_mean() -> None:
-    recipe = load_recipe("gyroscope-n-point")
-    lying = tuple(p.model_copy(update={"up": "+z"}) if p.name == "spin-x-fwd" else p for p in recipe.positions)
-    recipe = recipe.model_copy(update={"positions": lying})
-    pull = steady_pull(recipe, ["spin-x-fwd", "spin-y-fwd", "rest-x-down"], ["home"] * 3)
-    size = 0.02  # Of the recipe's sheet.
-    np.testing.assert_allclose(np.abs(pull).max((0, 2)), [0.0, size, size], atol=1e-12)

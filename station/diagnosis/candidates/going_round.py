@@ -5,7 +5,6 @@ Over whole turns they leave the mean as it is and show within the dwell; over pa
 How large they may be the recipe says: by its site, or by all of the Earth's rate, and by the device's g-sensitivity.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,18 +61,6 @@ def possible_angles(view: ResidualView) -> tuple[TableAngles, ...]:
     together: tuple[TableAngles, ...] = ("ridden-together",) if U > 1 and R * V <= MOST_COLUMNS // 2 else ()
     again: tuple[TableAngles, ...] = ("position",) if R > 1 else ()
     return ("own", *together, *again)
-
-
-def steady_pull(recipe: Recipe, position: Sequence[str], seating: Sequence[str]) -> Floats:
-    """What each axis feels of gravity along each axis (9, v, 3): of a turning table only what lies along its axis, as
-    the rest goes round."""
-    pull = np.empty((len(position), 3))
-    for i, (name, seat) in enumerate(zip(position, seating, strict=True)):
-        place = recipe.position(name)
-        up, rate = place.matrix().T[:, 2], np.array(place.rate or (0.0, 0.0, 0.0), float)
-        pull[i] = recipe.seating(seat).T @ (rate * (rate @ up) / (rate @ rate) if rate.any() else up)
-    pull *= assumptions.g_sensitivity(recipe)
-    return np.asarray(np.einsum("vj,ik->ijvk", pull, np.eye(3)).reshape(9, len(position), 3))
 
 
 def _angles(view: ResidualView) -> NDArray[np.intp]:

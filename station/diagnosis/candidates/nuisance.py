@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.candidates.bank import PER_UNIT_LEVELS, Candidate, candidate_in_view
 from station.diagnosis.candidates.columns import CauseColumns
-from station.diagnosis.candidates.going_round import going_round_columns, steady_pull
+from station.diagnosis.candidates.going_round import going_round_columns
 from station.diagnosis.data.residuals import ResidualView
 from station.diagnosis.linear.grid import RowLayout
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns
@@ -164,8 +164,7 @@ def _truth_error_columns(view: ResidualView) -> Iterator[DataColumns]:
     labels = visits.position, visits.seating
     position, seating = (tuple(of.names[i] for i in code) for of, code in zip(labels, pairs, strict=True))
     true = np.array([recipe.true_vector(recipe.position(p), s) for p, s in zip(position, seating, strict=True)])
-    errors = dict(sensor.of(recipe).truth_errors(recipe, position, seating, true))
-    errors |= {"g-sensitivity": steady_pull(recipe, position, seating)}
+    errors = sensor.of(recipe).truth_errors(recipe, position, seating, true)
     yield view.rows(np.moveaxis(np.concatenate(list(errors.values())), 0, -1)[at], None)
 
 

@@ -30,9 +30,9 @@ SCATTER = "scatter"
 #: A squared misfit below this share of its variance is rounding: the fit goes through that reading whatever it is.
 ROUNDING = 1e-12
 #: Edition of the rules by which budgets are made; it stands in every record, because another edition gives other bits.
-RULES = 11
+RULES = 12
 #: Editions whose `residuals` are ratios in the same units.
-SAME_RATIOS = (9, 10, RULES)
+SAME_RATIOS = (9, 10, 11, RULES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

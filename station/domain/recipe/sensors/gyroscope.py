@@ -38,12 +38,9 @@ class Gyroscope:
         }
 
     def nuisance(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
-        """Gravity (v, 3) in the device's frame, in g, where the orientations differ."""
-        up = np.array([0.0, 0.0, 1.0])
-        down = [
-            (recipe.position(p).matrix() @ recipe.seating(s)).T @ up for p, s in zip(position, seating, strict=True)
-        ]
-        return np.array(down) if np.ptp(down, axis=0).max() > 1e-6 else np.zeros((len(position), 0))
+        """Gravity (v, 3) in the device's frame, in g, where it differs."""
+        felt = self._gravity_felt(recipe, position, seating)
+        return felt if np.ptp(felt, axis=0).max() > 1e-6 else np.zeros((len(position), 0))
 
     def _earth(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """What is not known of the Earth's turning: level parts without a heading, all of it without a site."""
@@ -57,7 +54,7 @@ class Gyroscope:
 
     @staticmethod
     def _felt(recipe: Recipe, position: str, seating: str, station: Floats) -> Floats:
-        """A steady rate of the station in the device's frame; across a turning axis it averages out."""
+        """A steady vector of the station in the device's frame; across a turning axis it averages out."""
         place = recipe.position(position)
         nest = place.matrix().T @ station
         axis = np.array(place.rate or (0.0, 0.0, 0.0))
@@ -65,13 +62,14 @@ class Gyroscope:
             nest = axis * (axis @ nest) / (axis @ axis)
         return np.asarray(recipe.seating(seating).T @ nest)
 
-    @staticmethod
-    def _gravity(recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+    def _gravity_felt(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
+        """Gravity (v, 3) in the device's frame, in g: about a level spindle it goes round and averages out."""
+        up = np.array([0.0, 0.0, 1.0])
+        return np.array([self._felt(recipe, p, s, up) for p, s in zip(position, seating, strict=True)])
+
+    def _gravity(self, recipe: Recipe, position: tuple[str, ...], seating: tuple[str, ...]) -> Floats:
         """Each axis may feel gravity along each axis: nine patterns."""
-        up = np.array([0.0, 0.0, assumptions.g_sensitivity(recipe)])
-        pull = np.array(
-            [(recipe.position(p).matrix() @ recipe.seating(s)).T @ up for p, s in zip(position, seating, strict=True)]
-        )
+        pull = assumptions.g_sensitivity(recipe) * self._gravity_felt(recipe, position, seating)
         return np.asarray(np.einsum("vj,ik->ijvk", pull, np.eye(3)).reshape(9, len(position), 3))
 
 
