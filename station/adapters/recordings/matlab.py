@@ -1,4 +1,4 @@
-"""MAT files of version 4, 5, 7 and 7.3 → raw tables: matrices, vectors of one length, and structs of them."""
+"""MAT files of version 4, 5, 7 and 7.3 → raw tables: matrices, vectors of one length, structs and tables of them."""
 
 import zlib
 from collections.abc import Iterator, Mapping
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from station.adapters.recordings import matlab_objects
 from station.adapters.recordings.limits import MOST_COLUMNS, check_shape
 from station.adapters.recordings.matlab_checksum import without_checksums
 from station.domain.core.types import Array
@@ -17,6 +18,8 @@ from station.errors import SamplesError
 from station.messages import Message
 
 _CORRUPT = (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, OverflowError)
+#: What scipy calls every variable that holds an object.
+OBJECT = "None"
 #: How a file of HDF5 begins.
 HDF5 = b"\x89HDF"
 #: Names of scalars that state the rate.
@@ -34,7 +37,19 @@ def read(path: Path) -> list[RawTable]:
         found = _hdf5(path)
     except zlib.error:
         return _without_checksums(path)
+    if OBJECT in found:
+        found |= _columns_of_objects(path)
     return tables_of(file, {k: v for k, v in found.items() if not k.startswith("__")})
+
+
+def _columns_of_objects(path: Path) -> dict[str, Array]:
+    """Columns of MATLAB's tables by `variable.column`; none where what holds them is not as known."""
+    from scipy.io.matlab import MatReadError
+
+    try:
+        return matlab_objects.columns_of(path.read_bytes())
+    except (*_CORRUPT, MatReadError, zlib.error):
+        return {}
 
 
 def _loaded(source: Path | BytesIO, file: str = "") -> dict[str, Any]:
