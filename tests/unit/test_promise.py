@@ -29,9 +29,16 @@ def test_a_pair_planned_at_the_limit_is_parted_in_half_of_the_cases() -> None:
     assert promised([5.0] * 6, {}).certainty == pytest.approx(0.956, abs=0.001)
 
 
+def test_evidence_within_a_tie_counts_by_half() -> None:
+    """A member that is hopeless by its evidence is still one that these data cannot tell from the leader."""
+    assert TiedCauses.of(NAMES, 9.0, {"a": 0.6, "b": 0.2}).likely == pytest.approx([0.5417, 0.2917, 0.1667], abs=1e-4)
+    assert TiedCauses.of(NAMES, 9.0, {"a": 0.8, "b": 0.2}, (3, 3, 54)).likely == pytest.approx([0.65, 0.35, 0.0])
+    assert TiedCauses.of(NAMES, 9.0, {}).likely == pytest.approx([1 / 3] * 3)
+
+
 def test_a_cause_that_another_always_imitates_is_promised_as_little_as_it_is_likely() -> None:
     """Errors of all positions can look like any tilt of the base, and not the other way round."""
-    tie = TiedCauses.of(("base-tilt", "index-error"), np.inf, {"base-tilt": 0.9, "index-error": 0.1})
+    tie = TiedCauses.of(("base-tilt", "index-error"), np.inf, {"base-tilt": 0.9, "index-error": 0.1}, (2, 72))
     promise = Promise((tie,), {("base-tilt", "index-error"): 0.0, ("index-error", "base-tilt"): 20.0})
     assert promise.certainty == pytest.approx(0.1, abs=0.001)
     assert promise.leaves == ("base-tilt", "index-error")

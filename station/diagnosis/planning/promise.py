@@ -4,8 +4,9 @@ Were one of a tie the true cause, the next diagnosis estimates how far another i
 of 1, and parts the two where the estimate is above 3.29. The size is known from a strength d so far, that is to 1/d of
 itself, and what is planned grows and shrinks with it: a pair planned at x is parted with chance
 Φ((x − 3.29) / √(1 + (x/d)²)). All others of the tie are held against the same readings, so whatever parts the true
-cause from the one that is nearest to it parts it from the rest. Which of the tie is true is as likely as the diagnosis
-says.
+cause from the one that is nearest to it parts it from the rest. Which of the tie is true the evidence says but by half:
+among causes of no more coefficients most of a lead is the error of a covariate, of a shape or of a typical size. Of
+causes of more coefficients it says all: that many of them are what few explain is as unlikely as it says.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,9 @@ from math import erf, inf, prod, sqrt
 
 from station.diagnosis.search.distinguishability import SEPARATION_95
 
+#: What the evidence within a tie counts for; the rest is shared alike. Of 45 ties of slow causes on benches that warm
+#: the leader was the true one in 12, where its evidence gave it .54 in the mean.
+EVIDENCE_SHARE = 0.5
 #: Steps that find a number to a millionth of its range.
 HALVINGS = 20
 #: Two causes of a tie by id: the true one, and another.
@@ -29,13 +33,20 @@ class TiedCauses:
     d: float
 
     @staticmethod
-    def of(names: Sequence[str], d: float, probability: Mapping[str, float]) -> "TiedCauses":
-        """From probabilities by name; all alike where none is given. None is likelier than the one found: it leads by
-        more than its evidence."""
+    def of(
+        names: Sequence[str], d: float, probability: Mapping[str, float], numbers: Sequence[int] = ()
+    ) -> "TiedCauses":
+        """From probabilities by name, all alike where none is given, which count by EVIDENCE_SHARE among those of no
+        more coefficients than the one found; numbers: of each. None is likelier than the one found: it leads by more
+        than its evidence."""
         each = [probability.get(name, 0.0) for name in names] if probability else []
         each = [min(p, each[0]) for p in each]
-        total = sum(each)
-        likely = [p / total for p in each] if total > 0 else [1 / len(names)] * len(names)
+        total, count = sum(each), len(names)
+        shares = [p / total for p in each] if total > 0 else [1 / count] * count
+        few = [n <= numbers[0] for n in numbers] if numbers else [True] * count
+        alike = sum(p for p, one in zip(shares, few, strict=True) if one) / sum(few)
+        others = [alike if one else p for p, one in zip(shares, few, strict=True)]
+        likely = (EVIDENCE_SHARE * p + (1 - EVIDENCE_SHARE) * q for p, q in zip(shares, others, strict=True))
         return TiedCauses(tuple(names), tuple(likely), d)
 
     def chance_parted(self, apart: float) -> float:

@@ -71,6 +71,7 @@ def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
     known = np.isfinite(tie.d) and found.length > 0
     head = replace(tie.found, size=tie.d / found.length) if known else tie.found
     strength = head.size * found.length
+    numbers = [found.m.size]
     out = [_likely_shapes(head, found, usual_candidates(plan, head.effect.id), strength)]
     for other in tie.others:
         every = [*(usual := usual_candidates(plan, other)), *shaped_like(plan, usual, tie.found.effect)]
@@ -81,10 +82,11 @@ def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
             assert effect is not None
             alike = CauseHypothesis(effect, like.of, _size_of(strength, axes), free=like.effect is None)
             out.append(_likely_shapes(alike, found, every, strength))
+            numbers.append(axes.m.size)
     names = tuple(shapes[0].effect.id for shapes in out)
     members = (tie.found.effect.id, *tie.others)
     hidden = tuple(name for name in campaign.hidden if name not in members)
-    return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability), members, hidden)
+    return Suspects(tuple(out), TiedCauses.of(names, tie.d, tie.probability, numbers), members, hidden)
 
 
 def _likely_shapes(
