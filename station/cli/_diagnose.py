@@ -189,6 +189,9 @@ def _heading(name: str, proposal: Proposal) -> str:
         lines.append(
             "the other way. One that turns with the rig, as of unequal feet, counts as errors of its positions."
         )
+    if any(run.temperature_swing_degC for run in proposal.recipe.runs):
+        lines.append("Warm the units up to the middle of the run with `temperature_swing_degC`, by about so much, and")
+        lines.append("let them cool to its end: the thermometer tells the course, which need not be exact.")
     if proposal.recipe.filters_off:
         lines.append(
             "Switch the devices' own low-pass filter off, or to its fastest, for the run with `filter: 'off'`:"

@@ -223,5 +223,6 @@ def _check_person(bench: Bench, loads: int) -> None:
         raise UsageError("run-loads-need-person", nests=nests)
     runs = bench.job.recipe.runs
     by_hand = any(r.seating != "home" or r.temperature_offset_degC or r.motors == "off" for r in runs)
+    by_hand |= any(r.temperature_swing_degC for r in runs)
     if by_hand or bench.job.recipe.turns_base or bench.job.recipe.filters_off:
         raise UsageError("run-recipe-needs-person")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from station.domain.core import rotation
 from station.domain.core.types import Array, Floats, Labels
 from station.domain.recipe.recipe import Recipe
-from station.model.climate import climate, motor_level
+from station.model.climate import Swing, climate, motor_level
 from station.model.effect import random_stream
 from station.model.scene import Scene
 from station.model.simulated_line import SimulatedLine
@@ -58,7 +58,9 @@ class Campaign:
         powered = np.array([r.prewarm_s for r in self.rounds])[run] + self.line.power_lead_s
         clamped = np.full(len(visit), self.line.clamp_lead_s)
         offset = np.array([r.offset_degC for r in self.rounds])[run]
-        known = climate(time_s, self.started_s()[visit], powered, clamped, offset, line=self.line, seed=self.seed)
+        swing = Swing(*np.array([(r.swing_degC, r.duration_s) for r in self.rounds])[run].T)
+        started_s = self.started_s()[visit]
+        known = climate(time_s, started_s, powered, clamped, offset, swing, line=self.line, seed=self.seed)
         since = np.maximum(since_arrival_s, 0.0)
         return Scene(self.recipe, self.visits, visit, time_s, since, motor=self._motor_level()[visit], **known)
 

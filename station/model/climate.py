@@ -1,7 +1,7 @@
 """The room and the warm device: temperature, its rate, and the clocks that causes run on."""
 
 from functools import cache
-from typing import TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -23,12 +23,31 @@ class Climate(TypedDict):
     temperature_rate: Floats
 
 
+class Swing(NamedTuple):
+    """Warming by size_degC (n) up to the middle of runs of length_s (n), and cooling up to their end: a sin²."""
+
+    size_degC: Array
+    length_s: Array
+
+    def value(self, time_s: Floats) -> Floats:
+        """How much warmer it is (n), degC, at times from the start of the run."""
+        return np.asarray(self.size_degC * np.sin(np.pi * self._share(time_s)) ** 2)
+
+    def rate(self, time_s: Floats) -> Floats:
+        """How fast it warms (n), degC/s."""
+        return np.asarray(self.size_degC * np.pi / self.length_s * np.sin(2 * np.pi * self._share(time_s)))
+
+    def _share(self, time_s: Floats) -> Floats:
+        return np.clip(time_s / self.length_s, 0.0, 1.0)
+
+
 def climate(
     time_s: Floats,
     started_s: Floats,
     powered_s: Array,
     clamped_s: Array,
     offset_degC: Array,
+    swing: Swing,
     *,
     line: SimulatedLine,
     seed: int,
@@ -36,7 +55,7 @@ def climate(
     """What holds for samples (n) at time_s from the start of a run that started at started_s (n).
 
     powered_s, clamped_s, offset_degC (n): how long before the run's start the unit was powered and clamped, and how
-    much warmer it is kept.
+    much warmer it is kept; swing: how it is warmed and cools beside that.
     """
     powered = time_s + powered_s
     room_degC, drift = room_temperature(time_s + started_s, line, seed)
@@ -45,8 +64,8 @@ def climate(
         started_s=started_s,
         since_power_s=powered,
         since_clamp_s=time_s + clamped_s,
-        temperature_degC=room_degC + offset_degC + line.heating_degC - remaining_degC,
-        temperature_rate=drift + remaining_degC / line.heating_tau_s,
+        temperature_degC=room_degC + offset_degC + swing.value(time_s) + line.heating_degC - remaining_degC,
+        temperature_rate=drift + swing.rate(time_s) + remaining_degC / line.heating_tau_s,
     )
 
 

@@ -13,7 +13,7 @@ from station.domain.core.types import Floats, Frames
 from station.domain.recipe import plan
 from station.domain.recipe.plan import PlannedVisit
 from station.errors import UsageError
-from station.model.climate import climate, motor_level
+from station.model.climate import Swing, climate, motor_level
 from station.model.forward import (
     ActiveEffects,
     convert_output,
@@ -27,6 +27,7 @@ from station.model.live_unit import FixtureMove, LiveUnit
 from station.model.recording import THERMOMETER_STD
 from station.model.scene import Scene, Signal
 from station.model.simulate import SimulationJob
+from station.model.timeline import run_timeline
 
 #: Instants (n) → nest → station rotations (n, 3, 3) of the positioner's plate.
 FixtureRotation = Callable[[Floats], Floats]
@@ -167,11 +168,13 @@ class Rig:
         since = np.maximum(time_s - started, 0.0)
         powered, clamped = started - self._powered_s, started - self._clamped_s
         offset = how.temperature_offset_degC * one
+        length_s = run_timeline(job.recipe, int(bare.visits.run[0]), job.line).duration_s
+        swing = Swing(how.temperature_swing_degC * one, length_s * one)
         return replace(
             bare,
             visit=visit,
             time_s=since,
             since_arrival_s=np.maximum(time_s - self._arrivals()[visit], 0.0),
             motor=np.array([w.motor for w in self._moves_done])[visit],
-            **climate(since, started, powered, clamped, offset, line=job.line, seed=job.seed),
+            **climate(since, started, powered, clamped, offset, swing, line=job.line, seed=job.seed),
         )

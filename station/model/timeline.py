@@ -30,6 +30,7 @@ class RunTimeline:
     prewarm_s: float
     offset_degC: float
     motors: bool
+    swing_degC: float
 
 
 def visit_dwells_s(recipe: Recipe) -> Floats:
@@ -70,6 +71,7 @@ def run_timeline(recipe: Recipe, run: int, line: SimulatedLine | None = None) ->
         how.prewarm_s,
         how.temperature_offset_degC,
         how.motors == "on",
+        how.temperature_swing_degC,
     )
 
 

@@ -22,6 +22,7 @@ _HAND_KINDS: Mapping[str, str] = {
     "turn-units-home": "turn",
     "turn-base": "base",
     "set-temperature": "temperature",
+    "swing-temperature": "temperature",
     "switch-filter-on": "filter",
     "switch-filter-off": "filter",
     "switch-motors-off": "motors",
@@ -155,6 +156,8 @@ def _preparation(recipe: Recipe, number: int, seating: str) -> list[TimelineCell
         found.append(TimelineCell("base", _HAND_S, f"{run.base_turn_deg:g}°", number))
     if run.temperature_offset_degC:
         found.append(TimelineCell("temperature", _HAND_S, f"{run.temperature_offset_degC:+g} °C", number))
+    if run.temperature_swing_degC:
+        found.append(TimelineCell("temperature", _HAND_S, f"0 … {run.temperature_swing_degC:+g} … 0 °C", number))
     if recipe.filters_off and (not number or run.filter != recipe.runs[number - 1].filter):
         found.append(TimelineCell("filter", _HAND_S, run.filter, number))
     if run.motors == "off":

@@ -249,6 +249,8 @@ class Load:
         if run.temperature_offset_degC:
             offset = run.temperature_offset_degC
             yield from self._ask(Message("set-temperature", number=number + 1, offset_degC=offset))
+        if swing := run.temperature_swing_degC:
+            yield from self._ask(Message("swing-temperature", number=number + 1, swing_degC=swing))
         if recipe.filters_off and (not number or run.filter != recipe.runs[number - 1].filter):
             yield from self._ask(Message(f"switch-filter-{run.filter}", number=number + 1))
         if run.motors == "off":

@@ -121,6 +121,7 @@ _HEADLINES = {
     "turn-units-home": ("act-turn-home", "turn"),
     "turn-base": ("act-base", "base"),
     "set-temperature": ("act-temperature", "temperature"),
+    "swing-temperature": ("act-swing", "temperature"),
     "switch-filter-on": ("act-filter-on", "filter"),
     "switch-filter-off": ("act-filter-off", "filter"),
     "switch-motors-off": ("act-motors", "motors"),
@@ -133,7 +134,7 @@ def _question(action: Mapping[str, Any] | str, code: str) -> dict[str, Any]:
     if not isinstance(action, Mapping) or action.get("id") not in _HEADLINES:
         return {"confirm": sentence, "title": sentence, "kind": "", "angle": ""}
     title, kind = _HEADLINES[action["id"]]
-    parameters = {k: v for k, v in action.items() if k in ("angle_deg", "axis", "offset_degC")}
+    parameters = {k: v for k, v in action.items() if k in ("angle_deg", "axis", "offset_degC", "swing_degC")}
     angle = f"{action['angle_deg']:g}°" if "angle_deg" in action else ""
     title_text = language.sentence({"id": title, **parameters}, code)
     return {"confirm": sentence, "title": title_text, "kind": kind, "angle": angle}

@@ -169,6 +169,7 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
                 "motors": "off",
                 "base_turn_deg": 180,
                 "filter": "off",
+                "temperature_swing_degC": 5,
             },
         ],
         method="n-point",
@@ -182,7 +183,8 @@ def test_several_runs_and_seatings_ask_for_reseating_once(tmp_path: Path) -> Non
         "Pass 1: set the units' own filter as it usually is",
         "Pass 2: switch the units' own filter off, or to its fastest",
     ]
-    asked = [rig[0], filters[0], turn, rig[1], filters[1], "Pass 2: switch the line's motors off"]
+    swing = "Pass 2: change the temperature by +5 °C from its start to its middle, and back by its end"
+    asked = [rig[0], filters[0], turn, rig[1], swing, filters[1], "Pass 2: switch the line's motors off"]
     assert [render(m) for m in requested] == asked, "nothing goes on before a person has done it"
     report = [render(e.message) for e in ran.of(Notice)]
     assert any("motors off" in t for t in report)

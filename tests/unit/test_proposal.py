@@ -122,6 +122,22 @@ def test_faces_alone_are_gone_on_with_by_tilts_half_way_between_them() -> None:
     assert not any("tilts" in text for text, _ in run_menu(campaign, turning))
 
 
+def test_a_rate_of_temperature_has_a_run_in_which_it_changes_its_sign() -> None:
+    campaign, _ = once_measured(units=1)
+    now = PlannedRuns.measured(campaign.recipe)
+    assert not any("cooled again" in text for text, _ in run_menu(campaign, now, {"warm-up"}))
+    swinging = next(r for text, r in run_menu(campaign, now, {"temperature-rate"}) if "cooled again" in text)
+    scene = campaign.gone_on(swinging, exact=True).problem.view.scene
+    new = scene.visits.run == 1
+    assert scene.temperature_degC is not None and scene.temperature_rate is not None
+    assert np.ptp(scene.temperature_degC[new]) == pytest.approx(5.0, abs=0.7)
+    assert np.sign(scene.temperature_rate[new]).tolist() == [1, 1, 1, -1, -1, -1]
+    # So does the simulated bench.
+    told = simulate(SimulationJob(swinging.recipe, ("a",), 5)).scene
+    warm = np.bincount(told.visit, told.require("temperature_degC")) / np.bincount(told.visit)
+    assert np.sign(np.diff(warm[6:]))[[0, 1, -2, -1]].tolist() == [1, 1, -1, -1]
+
+
 def test_a_plan_reads_the_thermometer_as_badly_as_it_was_read() -> None:
     """Its visits are off by .2 °C, ten times as much as any simulated thermometer."""
     campaign, table = once_measured(units=4)

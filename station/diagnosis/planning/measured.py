@@ -21,6 +21,7 @@ from station.diagnosis.search.alarm import NullDistribution
 from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
+from station.model.climate import Swing
 from station.model.simulated_line import SimulatedLine
 
 #: Units that a plan needs at most to know what more units would show.
@@ -173,7 +174,10 @@ def _read_by_thermometer(part: SampleTable, line: SimulatedLine, recipe: Recipe,
     offsets = np.array([run.temperature_offset_degC for run in recipe.runs])
     visit = np.cumsum(_visit_begins(part)) - 1
     error = std_degC * np.random.default_rng(1).standard_normal(int(visit[-1]) + 1)
-    warm = line.room_degC + offsets[part.run] + heated + error[visit]
+    length_s = np.zeros(len(recipe.runs))
+    np.maximum.at(length_s, part.run, part.time_s)
+    swing = Swing(np.array([run.temperature_swing_degC for run in recipe.runs])[part.run], length_s[part.run])
+    warm = line.room_degC + offsets[part.run] + heated + swing.value(part.time_s) + error[visit]
     return replace(part, values={**part.values, "temperature_degC": warm})
 
 

@@ -18,6 +18,8 @@ from station.model.timeline import run_timeline
 SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
 #: What an axis feels on a face is none or all of the stimulus, to this share.
 FACE_TOLERANCE = 0.02
+#: By how much a run gets warmer and cooler, degC: a rate is no drift and no decay where it changes its sign.
+SWING_DEGC = 5.0
 SECOND_NEST, ANOTHER_NEST = "once more in the next nest", "once more in another nest"
 
 
@@ -75,6 +77,12 @@ def run_menu(
     if "base-tilt" in tied and now.recipe.feels_gravity_alone:
         words = "one run with the rig turned 180° on its floor"
         yield words, now.followed_by(Run(base_turn_deg=180), {}, now.dwells[-1])
+    if "temperature-rate" in tied:
+        words = f"one run warmed by {SWING_DEGC:g} °C up to its middle and cooled again"
+        yield words, now.followed_by(Run(temperature_swing_degC=SWING_DEGC), {}, now.dwells[-1])
+        if (slow_dwell := _slow(now.dwells[0])) != now.dwells[-1]:
+            slow_words = f"{words}, slow (dwells of {slow_dwell.time_s:g} s)"
+            yield slow_words, now.followed_by(Run(temperature_swing_degC=SWING_DEGC), {}, slow_dwell)
     if tilts := _tilts_between_faces(now.recipe):
         words = f"one run with {len(tilts)} tilts between the faces"
         yield words, now.followed_by(Run(), {}, now.dwells[-1], tilts)

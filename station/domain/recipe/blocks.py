@@ -14,6 +14,7 @@ OnOff = Annotated[Literal["on", "off"], BeforeValidator(lambda v: {True: "on", F
 
 class Run(StrictModel):
     """One pass of the unit through the positions. first, last: where the order `fastest` must begin and end;
+    temperature_swing_degC: by how much it gets warmer up to the middle of the run, and cools again up to its end;
     base_turn_deg: how far the whole rig is turned about the vertical from how it usually stands; filter: whether the
     units' own low-pass filter works as it usually does, or is off (or so fast that nothing of a move is left of it)."""
 
@@ -25,6 +26,7 @@ class Run(StrictModel):
     prewarm_s: NotNegative = 0.0
     motors: OnOff = "on"
     # What is not stated leaves the hash of a recipe as it was.
+    temperature_swing_degC: Finite = Field(default=0.0, exclude_if=lambda v: v == 0.0)
     base_turn_deg: Finite = Field(default=0.0, exclude_if=lambda v: v == 0.0)
     filter: OnOff = Field(default="on", exclude_if=lambda v: v == "on")
 
