@@ -5,6 +5,7 @@ from typing import Any
 from station.cli._layout import TextTable
 from station.diagnosis.planning.plan import RecipeSeparability, recipe_separability
 from station.domain.recipe.recipe import Recipe
+from station.reporting.diagnosis.quantity_format import unit_words
 
 #: Units that are thought of.
 ASSUMED_UNITS = 4
@@ -35,7 +36,8 @@ def _lines(found: RecipeSeparability) -> tuple[str | TextTable, ...]:
         remarks = [f"cannot be told from {', '.join(s.indistinguishable_from)}"] if s.indistinguishable_from else []
         if s.d <= FOUND_AT_D:
             remarks.append("its usual size is too small for this recipe")
-        rows.append((s.effect, f"{s.smallest:.2g}{'' if s.unit == '1' else ' ' + s.unit}", "; ".join(remarks)))
+        size = f"{s.smallest:.2g}{'' if s.unit == '1' else ' ' + unit_words(s.unit)}"
+        rows.append((s.effect, size, "; ".join(remarks)))
     title = (
         f"causes that {found.units} units through this recipe show (white noise of the data sheet; smallest size found "
         "in 8 of 10 campaigns):"

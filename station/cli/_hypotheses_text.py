@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from station.messages import Message, render
+from station.reporting.diagnosis.quantity_format import unit_words
 
 #: Coefficients printed of one formula; the document has all.
 MOST_ROWS = 12
@@ -42,7 +43,7 @@ def lines(findings: Mapping[str, Any]) -> Iterator[str]:
 def parameter_line(p: Mapping[str, Any]) -> str:
     """One coefficient with its standard uncertainty, none of a constant that a cause holds fixed; a dimensionless one
     without a unit."""
-    unit = "" if p["unit"] == "1" else f" {p['unit']}"
+    unit = "" if p["unit"] == "1" else f" {unit_words(p['unit'])}"
     about = f" ± {p['std']:.2g}" if p["std"] else ""
     value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g}{about}{unit}"
     return f"    {p['of']:<16} {p['axis'] or '':<4} {p['name']} {value}"

@@ -472,6 +472,11 @@ def test_numbers_are_said_as_on_the_line() -> None:
     assert format_size(3e-4, "1/g") == "300 ppm/g"
     assert format_size(-45.2, "uT") == "−45.2 µT"
     assert format_size(0.02, "deg/s") == "20 mdeg/s"
+    assert format_size(1.2e-6, "1/deg/s") == "1.2 ppm/(deg/s)"
+    assert format_size(2e-6, "1/deg/s²") == "2 ppm/(deg/s)²"
+    assert format_size(0.02, "deg/s·s/degC") == "20 (mdeg/s)·s/°C"
+    assert format_size(0.02, "deg/s/degC") == "20 mdeg/s/°C"
+    assert format_size(2e-5, "1/uT") == "20 ppm/µT"
     assert format_size(40.0, "s") == "40 s"
     assert format_interval(-3.1e-4, 1e-5, "g") == "−310 ± 20 µg"
     assert format_significant(1e5) == "100000"
@@ -522,5 +527,5 @@ def test_a_formulas_curve_is_smooth_and_has_a_middle_where_a_third_of_the_visits
 
 def test_a_constant_that_a_cause_holds_fixed_has_no_interval() -> None:
     held = {"name": "about", "axis": None, "of": "common", "value": 24.0, "std": 0.0, "unit": "degC"}
-    assert parameter_line(held).endswith("about 24 degC")
-    assert parameter_line({**held, "std": 0.44}).endswith("about 24 ± 0.44 degC")
+    assert parameter_line(held).endswith("about 24 °C")
+    assert parameter_line({**held, "std": 0.44}).endswith("about 24 ± 0.44 °C")

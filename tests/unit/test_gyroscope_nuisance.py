@@ -58,6 +58,8 @@ def test_a_floor_draws_where_turns_and_noise_are_one() -> None:
 def test_nothing_is_advised_for_what_a_gyroscope_does_not_feel() -> None:
     """Neither a base that leans nor an arm that swings moves a rate: no level and no longer wait would show them."""
     spins = load_recipe("gyroscope-six-point")
-    spots = BlindSpots.of_diagnosis(diagnosis_of(spins, simulate(SimulationJob(spins, ("A", "B"), seed=3)).table))
+    found = diagnosis_of(spins, simulate(SimulationJob(spins, ("A", "B"), seed=3)).table)
+    spots = BlindSpots.of_diagnosis(found)
     assert not {"base-tilt", "lever-arm"} & set(spots.causes)
+    assert not {"base-tilt", "lever-arm", "local-gravity"} & set(found.not_testable)
     assert not any("level" in remedy for remedy in spots.remedies)

@@ -29,7 +29,8 @@ from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.search_state import CauseSearch, LawAlone, NullFactory
 from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
-from station.model.model_file import Model
+from station.model.effect import Effect
+from station.model.model_file import EFFECTS, Model
 
 if TYPE_CHECKING:
     from station.diagnosis.results.hypotheses import Hypotheses
@@ -179,9 +180,15 @@ def _with_doubts(d: Diagnosis) -> Diagnosis:
 
 
 def _not_testable(inspected: Inspection, searched: SearchResult) -> tuple[str, ...]:
-    """Causes that nothing in these data could show."""
+    """Causes that nothing in these data could show, of those that the recipe's sensor feels at all."""
     shown = {*inspected.tested, *(f.effect for f in inspected.faults)}
-    return tuple(sorted({*inspected.undetectable, *searched.undetectable} - shown))
+    hidden = {*inspected.undetectable, *searched.undetectable} - shown
+    return tuple(sorted(name for name in hidden if _is_felt(name, searched.first.view.scene.recipe)))
+
+
+def _is_felt(name: str, recipe: Recipe) -> bool:
+    kind: type[Effect] = plugins.load(EFFECTS, name)
+    return kind.acts_on(recipe)
 
 
 def _causes(

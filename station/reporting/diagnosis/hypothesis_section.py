@@ -8,7 +8,7 @@ import numpy as np
 from station.domain.core.types import Array, Floats
 from station.reporting.diagnosis.data import FormulaCurve, ReportData
 from station.reporting.diagnosis.point_groups import group_points
-from station.reporting.diagnosis.quantity_format import display_unit, format_aligned, format_significant
+from station.reporting.diagnosis.quantity_format import display_unit, format_aligned, format_significant, unit_words
 from station.reporting.diagnosis.sentences import report_text
 from station.reporting.diagnosis.tables import ReportTable
 from station.reporting.drawing.figure import Figure, Series, svg
@@ -46,7 +46,7 @@ def formula_table(data: ReportData) -> ReportTable | None:
     rows = []
     for p in found[0]["parameters"]:
         value, wide = format_aligned([p["value"], 1.96 * (p["std"] or 0)])
-        rows.append((p["of"], p["axis"] or "", p["name"], value, wide, p["unit"]))
+        rows.append((p["of"], p["axis"] or "", p["name"], value, wide, unit_words(p["unit"])))
     head = (
         report_text("report-formula-of"),
         report_text("report-formula-axis"),

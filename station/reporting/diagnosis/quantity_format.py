@@ -1,6 +1,7 @@
 """Numbers as a person on the line says them: 0.00031 g/degC is 0.31 mg/°C."""
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 
 #: Prefixes to try, largest unit first, of the units that a size may begin with.
@@ -8,15 +9,24 @@ _PREFIXES = {
     "g": (("g", 1.0), ("mg", 1e3), ("µg", 1e6)),
     "uT": (("µT", 1.0), ("nT", 1e3)),
     "deg/s": (("deg/s", 1.0), ("mdeg/s", 1e3)),
+    "(deg/s)": (("(deg/s)", 1.0), ("(mdeg/s)", 1e3)),
     "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6)),
     "1": (("%", 100.0), ("ppm", 1e6)),
 }
-_BEGINNINGS = ("deg/s", "rad", "uT", "g", "1")
+_BEGINNINGS = ("deg/s", "(deg/s)", "rad", "uT", "g", "1")
+#: A unit that is itself a quotient, where something is divided by it or multiplied with it.
+_QUOTIENT = re.compile(r"(?<=/)deg/s|deg/s(?=[·²])")
+
+
+def unit_words(unit: str) -> str:
+    """A unit of the documents as a person reads it: 1/deg/s² is 1/(deg/s)²."""
+    return _QUOTIENT.sub("(deg/s)", unit).replace("degC", "°C").replace("uT", "µT")
 
 
 def display_unit(values: Iterable[float], unit: str) -> tuple[float, str]:
     """Factor and unit in which values of `unit` are easy to read."""
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
+    unit = _QUOTIENT.sub("(deg/s)", unit)
     for start in _BEGINNINGS:
         rest = unit[len(start) :]
         if unit.startswith(start) and (not rest or rest[0] in "/·"):
@@ -24,8 +34,8 @@ def display_unit(values: Iterable[float], unit: str) -> tuple[float, str]:
             if start == "1" and rest:
                 choices = choices[1:]
             words, factor = next((c for c in choices if largest * c[1] >= 1.0), choices[-1] if largest else choices[0])
-            return factor, words + rest.replace("degC", "°C")
-    return 1.0, unit.replace("degC", "°C")
+            return factor, words + unit_words(rest)
+    return 1.0, unit_words(unit)
 
 
 def format_significant(value: float, digits: int = 3) -> str:
