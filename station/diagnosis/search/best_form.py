@@ -47,8 +47,9 @@ def tune_forms(problem: ScoringProblem, ranks: dict[str, RankedCause]) -> dict[s
             best, paid = own
         if best is not r.best:
             gain = evidence_of(best, problem.view, space) - evidence_of(r.best, problem.view, space) - paid
+            if paid and gain <= 0:
+                continue
             bank = build_bank([best], problem.view.layout, moving=best.moving)
-            best = best if gain > 0 or not paid else r.best
             ranks[name] = RankedCause(name, r.evidence + max(gain, 0.0), best, score_bank(problem, [bank], r.at.floor))
     return ranks
 
