@@ -8,7 +8,7 @@ import pytest
 from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
 from station.diagnosis.data.reduce import reduce_samples, visit_means
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.bench import bench_of
+from station.diagnosis.planning.bench import bench_of, warming_bench_of
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_readings import NextReadings
 from station.diagnosis.planning.next_run import next_run
@@ -214,3 +214,17 @@ def test_a_short_run_says_how_much_a_bench_warms(heating_degC: float) -> None:
     begin = found.heating_degC / found.heating_tau_s
     assert 100.0 < found.heating_tau_s < 1600.0
     assert begin == pytest.approx(heating_degC / 300.0, abs=0.4 * heating_degC / 300.0 + 0.004)
+
+
+def test_a_bench_goes_on_as_it_was_measured_and_not_as_one_exponential_does() -> None:
+    """A room that warms as fast all along: in a next run, too, for as long as this one was, and little beyond."""
+    recipe = load_job("six-point")[0].recipe
+    scene = reduce_samples(recipe, simulate(SimulationJob(recipe, ("a", "b"), 5)).table).scene
+    assert scene.since_power_s is not None
+    since = np.sort(scene.since_power_s)
+    bench = warming_bench_of(replace(scene, temperature_rate=np.full(len(scene), 0.02)))
+    within = np.linspace(since[0], since[-1], 50)
+    rate = np.gradient(bench.warmed_degC(within), within)
+    assert rate == pytest.approx(0.02, abs=1e-3)
+    late = bench.warmed_degC(since[-1] + bench.line.heating_tau_s * np.array([20.0, 21.0]))
+    assert late[1] == pytest.approx(late[0], abs=1e-6)

@@ -1,6 +1,10 @@
-"""The bench that the data show: how it warms after power-on, and how long before a run units have power and clamp."""
+"""The bench that the data show: how it warms after power-on, and how long before a run units have power and clamp.
 
-from dataclasses import replace
+It warms as one exponential, and where it was measured by so much more or less as the course of the temperature says: a
+cause that follows the rate of that course would else be told from one of the time alone by the error of a fit.
+"""
+
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +16,45 @@ from station.model.simulated_line import SimulatedLine
 HEATING_TAUS_S = (100.0, 200.0, 400.0, 800.0, 1600.0)
 #: How far a room may have moved within a run, degC: what a short run warms by says no more of the heating than that.
 ROOM_DRIFT_DEGC = 0.02
+
+
+#: Times since power-on that are this close are one, s.
+SAME_TIME_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WarmingBench:
+    """How a bench warms: line, one exponential; beside which at since_power_s (k), ascending, it warms faster by
+    more_degC_s (k), and by less the further it is from these."""
+
+    line: SimulatedLine = field(default_factory=SimulatedLine)
+    since_power_s: Floats = field(default_factory=lambda: np.zeros(0))
+    more_degC_s: Floats = field(default_factory=lambda: np.zeros(0))
+
+    def warmed_degC(self, since_power_s: Floats) -> Floats:
+        """By how much it is warmer than its room (n), so long after power-on; at the first time measured by as much as
+        the exponential says."""
+        warmed = self.line.heating_degC * (1 - np.exp(-since_power_s / self.line.heating_tau_s))
+        if not len(self.since_power_s):
+            return np.asarray(warmed)
+        known, more = self.since_power_s, self.more_degC_s
+        within = np.r_[0.0, np.cumsum(np.diff(known) * (more[1:] + more[:-1]) / 2)]
+        before, after = (np.maximum(x, 0.0) for x in (known[0] - since_power_s, since_power_s - known[-1]))
+        tau = self.line.heating_tau_s
+        ends = more[-1] * (1 - np.exp(-after / tau)) - more[0] * (1 - np.exp(-before / tau))
+        return np.asarray(warmed + np.interp(since_power_s, known, within) + tau * ends)
+
+
+def warming_bench_of(scene: Scene) -> WarmingBench:
+    """The bench of visits, one row each, with what the course of the temperature shows beside its exponential."""
+    line = bench_of(scene)
+    since, rate = scene.since_power_s, scene.temperature_rate
+    if since is None or rate is None:
+        return WarmingBench(line)
+    more = rate - line.heating_degC / line.heating_tau_s * np.exp(-since / line.heating_tau_s)
+    _, at = np.unique(np.round(since / SAME_TIME_S), return_inverse=True)
+    count = np.bincount(at)
+    return WarmingBench(line, np.bincount(at, since) / count, np.bincount(at, more) / count)
 
 
 def bench_of(scene: Scene) -> SimulatedLine:

@@ -7,7 +7,7 @@ import numpy as np
 from station.diagnosis.data.reduce import visit_means
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.bench import bench_of
+from station.diagnosis.planning.bench import WarmingBench, warming_bench_of
 from station.diagnosis.planning.plan import (
     PLANNING_RATE_HZ,
     PlannedCampaign,
@@ -44,7 +44,7 @@ class MeasuredCampaign:
     units: int
     nests: int
     floor: NoiseFloor
-    bench: SimulatedLine = field(default_factory=SimulatedLine)
+    bench: WarmingBench = field(default_factory=WarmingBench)
     samples: SampleTable | None = None
     spread: Floats = field(default_factory=lambda: np.zeros((3, 3)))
     alone: bool = True
@@ -63,7 +63,7 @@ class MeasuredCampaign:
     @property
     def line(self) -> SimulatedLine:
         """The bench of a plan. A room that wanders would part what the next room, which stays calm, does not."""
-        return replace(self.bench, nests=self.nests, wander_degC=0.0)
+        return replace(self.bench.line, nests=self.nests, wander_degC=0.0)
 
     @property
     def in_one_nest(self) -> bool:
@@ -95,7 +95,7 @@ class MeasuredCampaign:
         new = simulated_runs(runs, done, self.samples.unit.names, density, self.line) if runs.dwells[done:] else []
         if self.samples.values.get("temperature_degC") is not None:
             std = 0.0 if exact else _thermometer_std(self.samples)
-            new = [_read_by_thermometer(part, self.line, runs.recipe, std) for part in new]
+            new = [_read_by_thermometer(part, self.bench, runs.recipe, std) for part in new]
         planned = [_next_of(self.samples, part, self.nests) for part in new]
         problem = planned_problem(runs.recipe, [self.samples, *planned])
         # The noise is that of a visit of usual length.
@@ -113,7 +113,7 @@ def measured_campaign(d: Diagnosis) -> MeasuredCampaign:
     tied = any(c.estimate is None and c.finding.indistinguishable_from for c in d.causes)
     fitted = d.search_result.first.fit() if tied else d.floor
     alone = len(d.causes) == 1 and not d.search_result.first.accepted
-    bench = bench_of(d.last.view.scene)
+    bench = warming_bench_of(d.last.view.scene)
     spread, null = fitted.covariance, d.search_result.null
     return MeasuredCampaign(
         d.recipe, units, nests, fitted.floor, bench, _few_samples(d), spread, alone, d.not_testable, null
@@ -167,17 +167,17 @@ def _next_of(samples: SampleTable, part: SampleTable, nests: int) -> SampleTable
     return replace(part, labels=labels, values=values)
 
 
-def _read_by_thermometer(part: SampleTable, line: SimulatedLine, recipe: Recipe, std_degC: float) -> SampleTable:
+def _read_by_thermometer(part: SampleTable, bench: WarmingBench, recipe: Recipe, std_degC: float) -> SampleTable:
     """Simulated samples as warm as the bench is, which warms alone in a calm room, and a thermometer is off by from
     visit to visit."""
-    heated = line.heating_degC * (1 - np.exp(-part.values["since_power_s"] / line.heating_tau_s))
+    heated = bench.warmed_degC(part.values["since_power_s"])
     offsets = np.array([run.temperature_offset_degC for run in recipe.runs])
     visit = np.cumsum(_visit_begins(part)) - 1
     error = std_degC * np.random.default_rng(1).standard_normal(int(visit[-1]) + 1)
     length_s = np.zeros(len(recipe.runs))
     np.maximum.at(length_s, part.run, part.time_s)
     swing = Swing(np.array([run.temperature_swing_degC for run in recipe.runs])[part.run], length_s[part.run])
-    warm = line.room_degC + offsets[part.run] + heated + swing.value(part.time_s) + error[visit]
+    warm = bench.line.room_degC + offsets[part.run] + heated + swing.value(part.time_s) + error[visit]
     return replace(part, values={**part.values, "temperature_degC": warm})
 
 
