@@ -48,11 +48,13 @@ def test_counts_that_rest_are_an_accelerometer_however_large_its_offset(
     check(understood(capsys, str(path)), reading_unit="g", scale=1 / 2048, visits=30)
 
 
+@pytest.mark.parametrize("size", [3400, 330])
 def test_a_compass_of_unknown_counts_is_said_to_be_scaled_by_an_assumption(
-    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, size: int
 ) -> None:
+    """330 may be milligauss, or steps of .15 uT in a field of 50 uT."""
     path = tmp_path / "mag.csv"
-    np.savetxt(path, np.round(sphere(rng, 300) * 3400 + [900, -800, 400]), fmt="%d", delimiter=",")
+    np.savetxt(path, np.round(sphere(rng, 300) * size + [90, -80, 40]), fmt="%d", delimiter=",")
     assert station("import", path) == 0
     said = capsys.readouterr().out
     assert "which makes the magnitude 50 uT" in said.replace("\n    ", " ")

@@ -22,6 +22,8 @@ LEAST_COUNTS = 100
 FAR_OFF = 2.0
 #: A usual field of the Earth, for counts of a compass that nothing else scales, uT.
 USUAL_FIELD_UT = 50.0
+#: Whole numbers of this size are as well the counts of any usual compass, of 3 to 16 a uT.
+LIKE_COUNTS = ("mgauss",)
 #: Units that readings are told to be in by their size; the others are rare, and have to be named.
 USUAL_UNITS = ("g", "m/s²", "mg", "uT", "nT", "mT", "T", "gauss", "mgauss")
 
@@ -160,8 +162,9 @@ def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitSca
     if quantity.unit == "uT":
         # A compass lies off its centre by any hard iron, and its counts are of no known size.
         if whole:
+            least, most = quantity.sizes
             fits = [
-                (unit, factor) for unit, factor in fits if quantity.sizes[0] <= radius * factor <= quantity.sizes[1]
+                (unit, factor) for unit, factor in fits if unit not in LIKE_COUNTS and least <= radius * factor <= most
             ]
         return UnitScale(*fits[0]) if fits else UnitScale("LSB", USUAL_FIELD_UT / radius, exact=False)
     off_centre = float(np.abs(centre).max()) > FAR_OFF * radius
