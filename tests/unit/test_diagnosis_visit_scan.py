@@ -7,12 +7,14 @@ from station.diagnosis.candidates import projected_bank
 from station.diagnosis.candidates.bank import Bank, Candidate, build_bank
 from station.diagnosis.candidates.columns import CauseColumns
 from station.diagnosis.linear import noise_floor as floors
+from station.diagnosis.linear.evidence import Pattern
 from station.diagnosis.linear.grid import RowLayout, VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, ResidualSpace, residual_space
 from station.diagnosis.search import null_simulation
 from station.diagnosis.search.null_noise import NullNoise
 
 UNITS, RUNS, VISITS = 3, 2, 40
+LEVELS: tuple[tuple[str, Pattern], ...] = (("unit", "own"), ("common", "shared"))
 
 
 def scene(k: int, rng: np.random.Generator) -> tuple[RowLayout, ResidualSpace, Bank]:
@@ -71,3 +73,23 @@ def test_new_data_meet_a_scan_as_they_meet_its_columns(
         drawn = NullNoise.of(white.astype(np.float32), space.covariance.runs.single_precision())
         results.append(light.scores([drawn], None))
     assert np.allclose(results[0][0], results[1][0], rtol=1e-3, atol=1e-3)
+
+
+def test_candidates_of_one_shape_are_judged_together_as_each_alone(rng: np.random.Generator) -> None:
+    layout, space, scans = scene(3, rng)
+    n = len(layout.unit)
+    codes = {"unit": layout.unit.astype(np.int32), "common": np.zeros(n, np.int32)}
+    items = list(scans.candidates)
+    for i in range(4):
+        of, pattern = LEVELS[i % 2]
+        columns = CauseColumns.of(np.round(rng.standard_normal((n, 3, 2 + i // 3)), 3))
+        items.append(Candidate(f"{i}", None, of, pattern, codes[of], ("a",) * (codes[of].max() + 1), columns))
+    white = rng.standard_normal((400, *space.data.shape)) * space.live
+    drawn = [NullNoise.of(white.astype(np.float32), space.covariance.runs.single_precision())]
+    (seen,) = projected_bank.project_bank(build_bank(items, layout, moving=False), layout, [space], axes=True)
+    together, _ = null_simulation.SinglePrecisionBank(seen).scores(drawn, None)
+    for i in range(len(items)):
+        alone, _ = null_simulation.SinglePrecisionBank(seen.only([j == i for j in range(len(items))])).scores(
+            drawn, None
+        )
+        assert np.allclose(together[:, i], alone[:, 0], rtol=1e-4, atol=1e-4)

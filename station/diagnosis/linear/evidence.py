@@ -103,8 +103,8 @@ class EigenSpectrum:
     rho: Floats
     known_logdet: Floats | None
 
-    def of(self, i: int) -> "EigenSpectrum":
-        """One of several causes."""
+    def of(self, i: int | slice | NDArray[np.intp]) -> "EigenSpectrum":
+        """One of several causes, or some of them."""
         m, cross, mean, rho = (x[i] for x in (self.m, self.cross, self.mean, self.rho))
         logdet = None if self.known_logdet is None else self.known_logdet[i]
         return EigenSpectrum(self.pattern, self.size, m, cross, mean, rho, logdet)
