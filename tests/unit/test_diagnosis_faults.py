@@ -256,6 +256,19 @@ def test_few_samples_at_one_step_by_chance_are_no_limit() -> None:
     assert hits[1] >= 395
 
 
+@pytest.mark.parametrize("beyond", [0.0, 0.005])
+def test_a_stop_in_which_all_axes_froze_is_not_clipped(beyond: float) -> None:
+    """Its readings stand still, if need be at the end of what one axis ever read, where the other axes are not."""
+    made = table()
+    u, reading = made.unit.code == 1, made.reading.copy()
+    highest = int(np.flatnonzero(u)[np.argmax(reading[u, 2])])
+    stop = u & (made.run == made.run[highest]) & (made.visit == made.visit[highest])
+    reading[stop] = reading[highest] + [0, 0, beyond]
+    assert "clipping" not in found(replace(made, reading=reading))
+    reading[stop, :2] = made.reading[stop, :2]
+    assert "clipping" in found(replace(made, reading=reading))
+
+
 def test_where_every_stop_is_clipped_nothing_is_diagnosed() -> None:
     made = table()
     made = replace(made, reading=np.clip(made.reading, -0.55, 0.55))

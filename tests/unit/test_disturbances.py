@@ -126,3 +126,16 @@ def test_one_bad_unit_does_not_stop_the_others(rng: np.random.Generator) -> None
     assert outcomes == ["PASS", "FAIL", "PASS"]
     for i in (0, 2):
         assert coefficients(found[i]) == pytest.approx(theta[i], abs=2e-3)
+
+
+def test_a_visit_in_which_all_axes_froze_is_not_clipped(rng: np.random.Generator) -> None:
+    """Even at the end of what one axis ever read."""
+    recipe, _, table = bench("six-point", rng)
+    reading = table.reading.copy()
+    highest = int(np.argmax(reading[:, 2]))
+    stop = (table.unit.code == table.unit.code[highest]) & (table.run == table.run[highest])
+    stop &= table.visit == table.visit[highest]
+    reading[stop] = reading[highest]
+    assert "clipped" not in checks(recipe, replace(table, reading=reading))
+    reading[stop, :2] = table.reading[stop, :2]
+    assert "clipped" in checks(recipe, replace(table, reading=reading))

@@ -65,14 +65,21 @@ def find(time_s: Floats, reading: Floats, louder: float = 1.0) -> Ints:
 
 def _quiet_level(reading: Floats, std: Floats) -> Floats:
     """What the quietest windows scatter by (3); those that stand still at the end of an axis's range are cut off there,
-    and show no noise."""
+    and show no noise, nor do those of a sensor that froze for a while."""
     level, window = np.quantile(std, QUIET_SHARE, axis=0), len(reading) - len(std) + 1
+    changes = np.cumsum(np.r_[np.zeros((1, 3)), reading[1:] != reading[:-1]], axis=0)
+    stands = changes[window - 1 :] == changes[: len(std)]
     for axis, column in enumerate(reading.T):
-        changes = np.cumsum(np.r_[0, column[1:] != column[:-1]])
-        stands = changes[window - 1 :] == changes[: len(std)]
-        cut_off = stands & np.isin(column[: len(std)], (column.min(), column.max()))
+        cut_off = stands[:, axis] & np.isin(column[: len(std)], (column.min(), column.max()))
         if 0 < cut_off.sum() < len(std):
             level[axis] = max(level[axis], np.quantile(std[~cut_off, axis], QUIET_SHARE))
+    frozen = stands.all(axis=1)
+    if 0 < frozen.sum() < len(std) / 2:
+        shown = std[~frozen]
+        awake = np.maximum(level, np.quantile(shown, QUIET_SHARE, axis=0))
+        # Where rest is no more than codes that stand still, hardly a window is as quiet without standing still.
+        if (shown <= awake * (1 + MOTION_MARGIN / np.sqrt(window))).all(axis=1).sum() > frozen.sum():
+            level = awake
     return np.asarray(level)
 
 

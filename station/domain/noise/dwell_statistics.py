@@ -227,7 +227,8 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
     """Dwells (d, 3) of one unit that a limited range cuts: at the axis' greatest or least reading, without the scatter
     that the axis has elsewhere, or with most readings exactly at that extreme.
 
-    Readings coarser than their noise say nothing: they are constant but near the edge between two codes.
+    Readings coarser than their noise say nothing: they are constant but near the edge between two codes. Where all axes
+    stand still, and not all at an end, the sensor froze.
     """
     step = dwells.step.min(axis=0)
     coarse = np.isfinite(step) & (medians((dwells.high - dwells.low).T) < TWO_CODES * step)
@@ -242,4 +243,5 @@ def flat_topped(dwells: DwellStatistics) -> NDArray[np.bool_]:
         near = side * (extreme - dwells.mean) < 0.5 * usual
         quiet = dwells.std < FLAT_SHARE * usual
         out |= (at == extreme) & near & quiet & sufficient
-    return np.asarray(out & (usual > 0) & ~coarse)
+    frozen = (dwells.high == dwells.low).all(axis=1) & ~out.all(axis=1)
+    return np.asarray(out & (usual > 0) & ~coarse & ~frozen[:, None])

@@ -54,7 +54,8 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     """The extremes (2, 3) of each axis at which its readings stand still while they show noise elsewhere."""
     extremes = np.stack([reading.min(axis=0), reading.max(axis=0)])
     count = np.bincount(where)[:, None]
-    stands = [_stands(reading, one) for one in _one_sided(extremes)]
+    thawed = ~_frozen(reading, where, extremes)[where][:, None]
+    stands = [_stands(reading, one) & thawed for one in _one_sided(extremes)]
     if max(map(np.count_nonzero, stands)) < MIN_CLIPPED_SAMPLES:
         return _OPEN
     share = np.stack([_share(at, where) for at in stands])
@@ -74,6 +75,15 @@ def _limits(reading: Floats, where: NDArray[np.intp]) -> Floats:
     size = np.abs(extremes)
     equal = np.isclose(size[..., None], size[found], rtol=1e-9, atol=0.0).any(axis=-1)
     return np.where(found | (equal & noisy), extremes, _OPEN)
+
+
+def _frozen(reading: Floats, where: NDArray[np.intp], extremes: Floats) -> NDArray[np.bool_]:
+    """Of each visit (s) whether all axes stand still, and not all at an end: the sensor or its link froze there, which
+    no limit does to an axis that is not at one."""
+    first = np.flatnonzero(np.diff(where, prepend=-1))
+    still = np.logical_and.reduceat((reading == reading[first][where]).all(axis=1), first)
+    at_end = (reading[first] == extremes[0]) | (reading[first] == extremes[1])
+    return np.asarray(still & ~at_end.all(axis=1))
 
 
 def _one_sided(limits: Floats) -> tuple[Floats, Floats]:
