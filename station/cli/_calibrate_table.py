@@ -10,10 +10,11 @@ import numpy as np
 from station.cli import _budget_table, _output
 from station.cli._layout import TextTable
 from station.domain.core.folded_reasons import folded, folded_notes
-from station.domain.core.types import Outcome
+from station.domain.core.types import Floats, Outcome
 from station.domain.evaluation.model_comparison import LargerModel
 from station.domain.evaluation.pipeline import CalibrationResult
 from station.domain.methods import coefficients, decision, method
+from station.domain.methods.uncertainty import Budget
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message, render
 
@@ -128,19 +129,28 @@ def _cells(r: CalibrationResult, i: int) -> tuple[str, ...]:
 
 def _hardly_known(recipe: Recipe, r: CalibrationResult) -> Iterator[str]:
     """The least known coefficient, where a limit would hide how little is known."""
-    if r.budget is None:
+    if r.budget is None or coefficients_limited(recipe):
         return
-    size = recipe.reference.strength()
-    wide = 1.96 * r.budget.std()
-    share = np.where(coefficients.OFFSETS, wide / size, wide)
-    k = int(np.argmax(share))
-    if share[k] > HARDLY_KNOWN and not coefficients_limited(recipe):
-        unit = coefficients.unit_of(k, recipe.unit)
-        message = Message(
-            "coefficient-hardly-known", serial=r.serial, coefficient=coefficients.NAMES[k], u95=float(wide[k]),
-            unit="" if unit == "1" else f" {unit}", share=100 * float(share[k]),
-        )  # fmt: skip
-        yield render(message)
+    of = np.where(coefficients.OFFSETS, recipe.reference.strength(), 1.0)
+    wide, poses = 1.96 * r.budget.std() / of, 1.96 * _without_magnitude(r.budget) / of
+    for what, share in (("coefficient-hardly-known", poses), ("coefficient-hardly-known-reference", wide)):
+        k = int(np.argmax(share))
+        if share[k] > HARDLY_KNOWN:
+            unit = coefficients.unit_of(k, recipe.unit)
+            message = Message(
+                what, serial=r.serial, coefficient=coefficients.NAMES[k], u95=float(wide[k] * of[k]),
+                unit="" if unit == "1" else f" {unit}", share=100 * float(wide[k]),
+            )  # fmt: skip
+            yield render(message)
+            return
+
+
+def _without_magnitude(budget: Budget) -> Floats:
+    """Standard uncertainties (12) that are left where the reference is exact: what poses can better."""
+    variance = np.diagonal(budget.total).copy()
+    if "magnitude" in budget.parts:
+        variance -= np.diagonal(budget.parts["magnitude"])
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def coefficients_limited(recipe: Recipe) -> bool:
