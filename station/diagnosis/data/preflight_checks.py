@@ -11,7 +11,7 @@ from station.domain.core.types import Floats, SampleTable
 from station.domain.recipe import sensor
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import usual_rates
-from station.domain.recognition.quantities import QUANTITIES
+from station.domain.recognition.quantities import QUANTITIES, sphere
 from station.domain.recognition.sheet import InferredSheet
 from station.errors import SamplesError
 from station.messages import Message
@@ -163,7 +163,7 @@ def remarks(
     remarked of units with a pose each."""
     begin, mean, out = visits
     yield from _rate(recipe, table, begin, found)
-    yield from _unit(recipe, mean[~out])
+    yield from _unit(recipe, mean[~out], table.unit.code[begin][~out])
     if found.full_scale is not None and recipe.device.full_scale is None:
         yield Message("readings-cut-off", full_scale=found.full_scale, unit=recipe.unit)
     if turned is not None:
@@ -213,12 +213,15 @@ def _rate(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], found: I
         yield Message("rate-differs", rate_hz=found.rate_hz, sheet_hz=sheet)
 
 
-def _unit(recipe: Recipe, mean: Floats) -> Iterator[Message]:
+def _unit(recipe: Recipe, mean: Floats, unit: Ints) -> Iterator[Message]:
     quantity = QUANTITIES.get(recipe.unit)
     if quantity is None or quantity.sizes is None or not len(mean):
         return
-    strength = recipe.reference.strength()
-    ratio = float(np.median(np.linalg.norm(mean, axis=1))) / strength if strength > 0 else 1.0
+    strength, about = recipe.reference.strength(), mean
+    if sensor.of(recipe).large_offset:
+        # A compass turned all round shows its field about the middle of its readings, however large its iron is.
+        about = np.concatenate([(own := mean[unit == u]) - sphere(own)[0] for u in np.unique(unit)])
+    ratio = float(np.median(np.linalg.norm(about, axis=1))) / strength if strength > 0 else 1.0
     if 1 / 1.5 < ratio < 1.5:
         return
     names = [name for name, factor in quantity.factors.items() if abs(ratio * factor - 1) < SAME_RATIO]

@@ -62,6 +62,12 @@ def are_of_today(stamps: Floats) -> bool:
     )
 
 
+def are_seconds_of_today(stamps: Floats) -> bool:
+    """Whether stamps (n) are whole seconds since 1970 of the present day, which many readings may share."""
+    low, high = EPOCH_S
+    return bool(len(stamps)) and bool(np.all((stamps > low) & (stamps < high) & (stamps % 1 == 0)))
+
+
 def counted(readings: int, counter: Array | None, rate_hz: float, source: str) -> SampleClock:
     """Without stamps: by a counter of readings (n), or by their places, at a rate."""
     places = np.arange(readings, dtype=float)

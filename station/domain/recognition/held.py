@@ -8,7 +8,8 @@ from station.domain.core.types import Floats
 #: So many rows show it; this share of them repeats the one before; and a new reading changes all three axes so often,
 #: where the codes of a coarse converter change one by one.
 LEAST_ROWS, LEAST_REPEATED, TOGETHER = 100, 0.3, 0.8
-#: A reading lasts for at most so many times the usual number of rows, but for this share of them.
+#: A reading lasts for at most so many times the usual number of rows, but for this share of them; or longer, where
+#: hardly more than this share stand for one row, as they do where only a rest is frozen.
 LONGEST, FEW = 2.0, 0.05
 
 
@@ -22,5 +23,5 @@ def fresh_rows(reading: Floats) -> NDArray[np.intp] | None:
     if np.mean(~some) < LEAST_REPEATED or len(fresh) < LEAST_ROWS / 4:
         return None
     lasts = np.diff(np.r_[fresh, len(reading)])
-    even = np.mean(lasts > LONGEST * np.median(lasts)) <= FEW
-    return fresh if even and changed[some].all(axis=1).mean() >= TOGETHER else None
+    held = np.mean(lasts > LONGEST * np.median(lasts)) <= FEW or np.mean(lasts == 1) <= FEW
+    return fresh if held and changed[some].all(axis=1).mean() >= TOGETHER else None

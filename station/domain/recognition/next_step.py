@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from station.domain.capture.rest_detection import face
-from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recognition.samples import UnitRecording, Visits
+from station.domain.recognition.understanding import orientations
 from station.messages import Message
 
 #: The recipe for visits whose poses nobody knows, by unit.
@@ -24,12 +24,19 @@ def of(visited: Sequence[tuple[UnitRecording, Visits]], recipe: str | None, file
     if recipe is None and unit == "g" and all(_lies_on_faces(one.recording.reading, v) for one, v in visited):
         return Message("next-import-faces", recipe=FACES, poses=LEAST_POSES)
     known = recipe or HAND_HELD.get(unit)
+    poses = min(orientations(_means(one.recording.reading, v), one.recording.unit) for one, v in visited)
+    if recipe is None and known is not None and poses < LEAST_POSES:
+        return Message("next-more-poses", recipe=known, poses=poses, needed=LEAST_POSES)
     return None if known is None else Message("next-calibrate", file=file, recipe=known)
+
+
+def _means(reading: Floats, visits: Visits) -> Floats:
+    return np.array([reading[a:b].mean(axis=0) for a, b in visits.edges])
 
 
 def _lies_on_faces(reading: Floats, visits: Visits) -> bool:
     """Whether visits show all six faces and, at fewer orientations than tell a whole calibration, nothing else."""
-    means = np.array([reading[a:b].mean(axis=0) for a, b in visits.edges])
+    means = _means(reading, visits)
     cosine = np.abs(means).max(axis=1) / np.maximum(np.linalg.norm(means, axis=1), 1e-300)
     near = bool((cosine > np.cos(np.radians(FACE_DEG))).all())
-    return near and len({face(m) for m in means}) == 6 and int(orientations(means).max()) + 1 < LEAST_POSES
+    return near and len({face(m) for m in means}) == 6 and orientations(means, "g") < LEAST_POSES

@@ -209,7 +209,8 @@ def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None, qu
             edges = rest_segments.find(time_s, raw)
         except SamplesError:
             edges = np.zeros((0, 2), np.int64)
-    if (len(edges) < LEAST_RESTS or quantity.unit == "uT") and visits.is_pose_each(raw):
+    field = quantity.unit == "uT"
+    if (len(edges) < LEAST_RESTS or field) and visits.is_pose_each(raw, any_offset=field):
         return raw
     if not len(edges):
         rows = min(50, len(raw))

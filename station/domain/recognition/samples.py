@@ -11,7 +11,7 @@ from station.domain.capture import rest_segments
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import visits
+from station.domain.recognition import no_rest, visits
 from station.domain.recognition.quantities import QUANTITIES, sphere
 from station.domain.recognition.quiet_readings import MOST_POSES, portion, quietest
 from station.domain.recognition.raw_table import RawTable
@@ -36,7 +36,6 @@ LEAST_GRAVITY_G = 0.3
 #: An acceleration of unknown scale that scatters by this share of its own size at rest, or from rest to rest, is not
 #: gravity; nor is one of such a name.
 LOUD = 0.1
-_WITHOUT_GRAVITY = re.compile(r"linear|user|free", re.IGNORECASE)
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
 WILD = 0.2
 #: Nor does a stretch rest whose parts lie this share apart: six degrees.
@@ -141,14 +140,15 @@ def _is_listed(recording: Recording) -> bool:
     if unstamped and visits.is_row_a_pose(reading):
         return True
     slowly = recording.unit == "uT" or unstamped or visits.off_ellipsoid(reading) < SLOWLY
-    return slowly and visits.is_pose_each(reading)
+    return slowly and visits.is_pose_each(reading, any_offset=recording.unit == "uT")
 
 
 def _refused_list(recording: Recording) -> SamplesError | None:
     """Why readings that no clock or no rest tells apart are no list of poses, either: of a compass, which never needs
     to rest, and of what has no stamps. None where rest is all that is wrong."""
     turned = recording.unit == "uT" or (recording.clock.unit == "none" and len(recording) <= MOST_POSES)
-    reason = visits.why_no_poses(recording.reading) if turned and recording.unit != "deg/s" else None
+    asked = turned and recording.unit != "deg/s"
+    reason = visits.why_no_poses(recording.reading, any_offset=recording.unit == "uT") if asked else None
     if reason is None or (recording.unit != "uT" and reason.id == "list-in-one-pose"):
         return None
     what = "field-list" if recording.unit == "uT" else "unstamped-list"
@@ -233,7 +233,7 @@ def _orientations(recording: Recording, edges: NDArray[np.int64]) -> int:
 def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     share = _share(recording, edges)
     if not len(edges):
-        raise SamplesError("never-at-rest", file=recording.source, duration_s=float(recording.time_s[-1]))
+        raise no_rest.error_of(recording)
     means = np.array([np.median(recording.reading[a:b], axis=0) for a, b in edges])
     size = float(np.median(np.linalg.norm(means, axis=1)))
     if recording.unit == "g" and size < LEAST_GRAVITY_G:
@@ -292,7 +292,7 @@ def _check_gravity_shows(recording: Recording, edges: NDArray[np.int64]) -> None
     size = float(np.median(length))
     scatter = float(np.median([np.linalg.norm(recording.reading[a:b].std(axis=0)) for a, b in edges])) / size
     apart = float(np.median(np.abs(length - size))) / size
-    if scatter > LOUD or apart > LOUD or _WITHOUT_GRAVITY.search(" ".join(recording.axes)):
+    if scatter > LOUD or apart > LOUD or no_rest.are_without_gravity(recording):
         percent = 100 * max(scatter, apart)
         raise SamplesError(
             "gravity-not-shown",

@@ -81,8 +81,10 @@ def _coarseness(values: Floats) -> float:
 def _rises(values: Array | None) -> bool:
     if values is None or len(values) < 3:
         return False
-    apart = np.diff(np.asarray(values, float))
-    return bool(np.mean(apart < 0) < 0.1 and np.mean(apart > 0) > 0.05)
+    numbers = np.asarray(values, float)
+    apart = np.diff(numbers)
+    seldom = 0.0 if clock.are_seconds_of_today(numbers) and (apart > 0).sum() >= clock.LEAST_CHANGES else 0.05
+    return bool(np.mean(apart < 0) < 0.1 and np.mean(apart > 0) > seldom)
 
 
 def is_counter(column: RawColumn, named: bool) -> bool:

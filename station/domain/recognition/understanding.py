@@ -12,6 +12,7 @@ from station.domain.recognition.columns import LEAST_TURN
 from station.domain.recognition.quantities import USUAL_FIELD_UT, sphere
 from station.domain.recognition.recording import Recording
 from station.domain.recognition.samples import UnitRecording, Visits
+from station.domain.recognition.visits import is_pose_each
 from station.messages import Message
 
 SCHEMA = "station.import/1"
@@ -28,7 +29,7 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
     number = np.repeat(np.arange(len(edges)), edges[:, 1] - edges[:, 0])
     found = sheet.infer(r.reading[rows], r.time_s[rows], number)
     means = np.array([r.reading[a:b].mean(axis=0) for a, b in edges])
-    centre = _centre(means, r.unit)
+    centre = centre_of(means, r.unit)
     far = float(np.linalg.norm(centre)) > OFF_CENTRE * float(np.median(np.linalg.norm(means - centre, axis=1)))
     about = centre if far else np.zeros(3)
     size = np.linalg.norm(means - about, axis=1)
@@ -51,7 +52,7 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
         "restarts": r.clock.restarts,
         "visits": 0 if visits is None else len(visits.edges),
         "visits_by": None if visits is None else visits.found_by,
-        "poses": None if visits is None else int(rest_segments.orientations(means - centre).max(initial=-1)) + 1,
+        "poses": None if visits is None else orientations(means, r.unit),
         "centre": about.tolist(),
         "magnitude": {"median": float(np.median(size)), "least": float(size.min()), "greatest": float(size.max())},
         "single_readings": bool(np.all(edges[:, 1] - edges[:, 0] == 1)),
@@ -73,12 +74,21 @@ def _quiet_seconds(r: Recording) -> Array:
     return np.asarray(edges[scatter <= np.median(scatter)])
 
 
-def _centre(means: Floats, unit: str) -> Floats:
+def centre_of(means: Floats, unit: str) -> Floats:
     """The middle (3) of means (k, 3), about which they are as long as what is measured: zero but for what is turned all
     round. Of a compass it may be farther off than the field is large; of an accelerometer such a middle is gravity."""
-    wide = unit != "deg/s" and np.ptp(means, axis=0).max() > LEAST_TURN * np.median(np.linalg.norm(means, axis=1))
-    centre, radius = sphere(means) if wide else (np.zeros(3), 1.0)
+    if unit == "deg/s":
+        return np.zeros(3)
+    wide = np.ptp(means, axis=0).max() > LEAST_TURN * np.median(np.linalg.norm(means, axis=1))
+    if not wide and not (unit == "uT" and is_pose_each(means, any_offset=True)):
+        return np.zeros(3)
+    centre, radius = sphere(means)
     return centre if unit == "uT" or np.linalg.norm(centre) < radius else np.zeros(3)
+
+
+def orientations(means: Floats, unit: str) -> int:
+    """In how many orientations means (k, 3) show a unit, about their middle."""
+    return int(rest_segments.orientations(means - centre_of(means, unit)).max(initial=-1)) + 1
 
 
 def _inferred(r: Recording, visits: Visits | None) -> Iterator[str]:

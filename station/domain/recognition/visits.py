@@ -83,29 +83,36 @@ def shown_blocks(reading: Floats) -> int:
     return length if on_grid >= ON_GRID and filled > 0.7 else 0
 
 
-def is_pose_each(reading: Floats) -> bool:
+def is_pose_each(reading: Floats, *, any_offset: bool = False) -> bool:
     """Whether readings (n, 3) that never rest are a pose each, as lists for compass programs are: all but a few lie on
-    one ellipsoid and go round it, which nothing that drives or shakes does."""
-    return why_no_poses(reading) is None
+    one ellipsoid and go round it, which nothing that drives or shakes does. any_offset: of a compass, whose iron may
+    be many times the field."""
+    return why_no_poses(reading, any_offset=any_offset) is None
 
 
-def why_no_poses(reading: Floats) -> Message | None:
+def why_no_poses(reading: Floats, *, any_offset: bool = False) -> Message | None:
     """What keeps readings (n, 3) from being a pose each of a stimulus of one magnitude; None where nothing does."""
     if len(reading) < LEAST_READINGS:
         return Message("list-of-few", readings=len(reading), least=LEAST_READINGS)
     found = _drawn_to_a_sphere(reading)
     size, reach = float(np.median(np.linalg.norm(reading, axis=1))), float(np.ptp(reading, axis=0).max())
-    if reach < LEAST_REACH * size:
+    if reach < LEAST_REACH * size and not (any_offset and found is not None and _goes_round(found)):
         return Message("list-in-one-pose", readings=len(reading), percent=100 * reach / size)
     if found is None:
         return Message("list-on-no-ellipsoid", readings=len(reading))
     off = _off(found)
     if off >= NEAR_ELLIPSOID:
         return Message("list-off-ellipsoid", readings=len(reading), percent=100 * off, most=100 * NEAR_ELLIPSOID)
-    poses = int(rest_segments.orientations(found).max()) + 1
-    if poses < LEAST_POSES or not spans(found, np.zeros(3), 1.0):
+    if not _goes_round(found):
+        poses = int(rest_segments.orientations(found).max()) + 1
         return Message("list-on-one-side", readings=len(reading), poses=poses)
     return None
+
+
+def _goes_round(points: Floats) -> bool:
+    """Whether points (n, 3) about the unit sphere lie on all its sides, in as many orientations as tell one."""
+    enough = int(rest_segments.orientations(points).max()) + 1 >= LEAST_POSES
+    return enough and spans(points, np.zeros(3), 1.0)
 
 
 def is_row_a_pose(reading: Floats) -> bool:
