@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from station.config.recipes import load_recipe
+from station.diagnosis.data import preflight
 from station.diagnosis.data.reduce import clip_outliers, reduce_samples
 from station.diagnosis.linear import noise_floor as floors
 from station.diagnosis.linear.grid import VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, residual_space
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
 from station.model.timeline import noise_density_of
 from tests.blind.inspection import diagnosis_of
@@ -178,3 +180,41 @@ def test_a_visit_has_the_noise_of_its_samples_only_where_its_mean_scatters_with_
         shaken -= np.stack([np.bincount(of, column) / np.bincount(of) for column in shaken.T], axis=1)[of]
     problem = initial_problem(reduce_samples(recipe(1), replace(made, reading=made.reading + shaken)), FloorAllowance())
     assert np.any(problem.view.reduced.axis_excess != 1.0) == scattered
+
+
+@pytest.mark.parametrize("noisier", [0.2, 1.0, 10.0])
+def test_the_bias_of_a_noisier_device_may_walk_further(noisier: float) -> None:
+    usual = recipe(1)
+    device = usual.device.model_copy(update={"noise_density": noisier * noise_density_of(usual)})
+    allowed = FloorAllowance.of(usual.model_copy(update={"device": device}), Model())
+    assert (allowed.turn, allowed.walk) == pytest.approx((1e-4, 1e-5 * max(1.0, noisier)))
+
+
+def test_what_wanders_with_the_noise_of_a_noisy_device_is_no_finding() -> None:
+    """One whose samples scatter by 20 mg, and its bias from visit to visit by .4 mg; nobody stated its sheet."""
+    usual = recipe(3)
+    stated = usual.device.model_fields_set - {"noise_density", "lsb", "rate_hz"}
+    silent = type(usual.device).model_validate(usual.device.model_dump(include=stated))
+    made = simulate(SimulationJob(usual, ("A",), 4)).table
+    rng, visit = np.random.default_rng(7), np.unique(made.run * 100 + made.visit, return_inverse=True)[1]
+    walk = np.cumsum(4e-4 * rng.standard_normal((visit.max() + 1, 3)), axis=0)[visit]
+    reading = made.reading + walk + 0.02 * rng.standard_normal(made.reading.shape)
+    checked, table = preflight.inspect(usual.model_copy(update={"device": silent}), replace(made, reading=reading))
+    kind = preflight.with_sheet(usual.model_copy(update={"device": silent}), checked)
+    problem = initial_problem(reduce_samples(kind, table), FloorAllowance.of(kind, Model()))
+    # Three standard deviations beyond the bound would be a finding.
+    assert all(grown.gain < 4.5 for grown in problem.grown_floors.values())
+
+
+def test_a_filtered_device_may_walk_as_much_further_as_its_means_scatter() -> None:
+    made = simulate(SimulationJob(recipe(1), ("A", "B"), 4)).table
+    rng = np.random.default_rng(4)
+    white = 5e-3 * rng.standard_normal((len(made.reading) + 7, 3))
+    # The mean of eight neighbours: from one sample to the next it moves by half of what it scatters.
+    reading = made.reading + np.stack([np.convolve(axis, np.ones(8) / 8, "valid") for axis in white.T], axis=1)
+    bare, smooth = (
+        initial_problem(reduce_samples(recipe(1), replace(made, reading=r)), FloorAllowance()).upper
+        for r in (made.reading, reading)
+    )
+    assert bare[2] == pytest.approx(1e-10, rel=0.5)
+    assert smooth[2] > 2 * bare[2]

@@ -23,7 +23,7 @@ from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Floats
 
 #: Raised whenever a kept null distribution is no longer valid.
-NULL_CACHE_VERSION = 16
+NULL_CACHE_VERSION = 17
 #: What of a recipe the bank is made from: the same name may stand for other positions.
 _DESIGN: dict[str, bool | set[str]] = {
     **dict.fromkeys(("sensor", "unit", "reference", "positions", "seatings", "runs", "settle", "dwell"), True),
@@ -151,6 +151,9 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     recipe = problem.view.scene.recipe
     both = zip((floor.turn, floor.walk), LEAST_DETECTED, strict=True)
     relative = [round(2 * float(np.log2(max(x / floor.noise, least)))) for x, least in both]
+    # Slow causes are judged under all walks up to the largest allowed.
+    most = float(np.sqrt(problem.upper[2])) / floor.noise
+    relative.append(round(float(np.log2(np.clip(most, LEAST_DETECTED[1], 1 / LEAST_DETECTED[1])))))
     shown = [(s.bank.moving, s.readings.size.dof, _candidate_kinds(s)) for s in now.best.projected]
     design = recipe.model_dump_json(include=_DESIGN)
     unsure = [round(e / ERROR_STEP) for e in problem.view.contrast_noise.errors]

@@ -27,6 +27,7 @@ from station.model.effect import stimulus_strength
 from station.model.effects.bias_walk import BiasWalk
 from station.model.effects.repeatability import Repeatability
 from station.model.model_file import Model, ModelEffect
+from station.model.timeline import noise_density_of, usual_noise_density
 
 #: Time from visit to visit for which the allowance of the walk holds; it grows with the root of time.
 REFERENCE_INTERVAL_S = 2.5
@@ -40,7 +41,11 @@ FAR, LEAST_STEP_SHARE = 0.02, 1 / 256
 @dataclass(frozen=True, slots=True)
 class FloorAllowance:
     """What a healthy rig's floor may hold: turn, rad a visit; walk, recipe's unit a visit of 2.5 s. More is a
-    finding."""
+    finding.
+
+    A device's bias wanders in proportion to its noise: one of ten times the usual density may walk ten times as far,
+    and so may one whose filter or slow noise leaves ten times as much of a mean as samples that differ by chance do.
+    """
 
     turn: float = 1e-4
     walk: float = 1e-5
@@ -48,7 +53,8 @@ class FloorAllowance:
     @staticmethod
     def of(recipe: Recipe, model: Model) -> "FloorAllowance":
         """The usual allowance in the recipe's unit, or what a model has found the floor to hold, if that is more."""
-        turn, walk = 1e-4, 1e-5 * stimulus_strength(recipe)
+        noisier = max(1.0, noise_density_of(recipe) / usual_noise_density(recipe))
+        turn, walk = 1e-4, 1e-5 * stimulus_strength(recipe) * noisier
         for modelled in model.effects:
             sizes = [float(p.value) for p in modelled.parameters if p.of == "common" and not isinstance(p.value, str)]
             if modelled.effect == Repeatability.id:
@@ -57,10 +63,11 @@ class FloorAllowance:
                 walk = max([walk, *(1.5 * x for x in sizes)])
         return FloorAllowance(turn, walk)
 
-    def upper(self, gap_s: float) -> Floats:
-        """Bounds of the variances σ², τ_r², τ_w² where visits follow each other so many seconds apart."""
+    def upper(self, gap_s: float, slow: float = 1.0) -> Floats:
+        """Bounds of the variances σ², τ_r², τ_w² where visits follow each other so many seconds apart; slow: square of
+        the noise within the dwells beside that from one sample to the next."""
         longer = max(1.0, gap_s / REFERENCE_INTERVAL_S)
-        return np.array([np.inf, self.turn**2, self.walk**2 * longer])
+        return np.array([np.inf, self.turn**2, self.walk**2 * longer * max(1.0, slow)])
 
 
 def initial_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool = False) -> ScoringProblem:
@@ -97,7 +104,8 @@ def _plain_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: 
     view = initial_view(reduced, matrix)
     known, places = nuisance_of(view, (), matrix)
     setting = ScoringSetting(view.layout, _structure(view), known, view.readings())
-    return ScoringProblem(view, setting, (), places, matrix, allowance.upper(visit_interval_s(view)))
+    slow = float(np.mean(view.contrast_noise.noise**2)) if view.contrast_noise.noise.size else 1.0
+    return ScoringProblem(view, setting, (), places, matrix, allowance.upper(visit_interval_s(view), slow))
 
 
 def _structure(view: ResidualView) -> FloorStructure:
