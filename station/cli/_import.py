@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from station.cli import _output
 from station.config.recipes import load_recipe
+from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import (
     columns,
@@ -156,7 +157,11 @@ def _unit(table: RawTable, job: ImportJob, recipe: Recipe | None) -> str:
 
 def _understood(table: RawTable, job: ImportJob, recipe: Recipe | None) -> Recording:
     rate_hz = recipe.device.rate_hz if recipe is not None else ASSUMED_RATE_HZ
-    return understand(table, job.options, _unit(table, job, recipe), rate_hz)
+    rates = None
+    if recipe is not None and recipe.feels_rotation and recipe.pose_known:
+        names = tuple(p.name for p in recipe.positions)
+        rates = references.true_vectors(recipe, names, ("home",) * len(names))
+    return understand(table, job.options, _unit(table, job, recipe), rate_hz, rates)
 
 
 def _print(

@@ -504,3 +504,44 @@ def test_gravity_is_no_field_of_a_compass(rng: np.random.Generator, tmp_path: Pa
     path.write_text("unit,run,visit,position,time_s,x,y,z\n" + rows, encoding="utf-8")
     done = captured("calibrate", "--samples", path, "--recipe", "magnetometer-hand-held")
     assert "Readings are 0.0204 times the stimulus: check range and unit." in done.stdout
+
+
+def spun(off: tuple[float, float, float] = (0.4, -0.7, 0.2)) -> Floats:
+    """Readings (n, 3) of six spins of 2 s at 100 deg/s, at rest in between, at 100 Hz."""
+    rates = 100 * np.kron(np.eye(3), [[1.0], [-1.0]])
+    still = [np.concatenate([np.zeros((100, 3)), np.tile(rate, (200, 1))]) for rate in rates]
+    return np.concatenate(still) * [1.01, 0.992, 1.004] + off
+
+
+@pytest.mark.parametrize(
+    ("scale", "whole", "unit"),
+    [
+        (np.pi / 180, False, "rad/s"),
+        (1.0, False, "deg/s"),
+        (2.0, False, "deg/s"),
+        (16.4, True, "LSB"),
+        (131, True, "LSB"),
+    ],
+)
+def test_turn_rates_without_a_unit_are_told_by_the_speeds_of_the_recipe(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, scale: float, whole: bool, unit: str
+) -> None:
+    path = tmp_path / "table.csv"
+    y = (spun() + 0.05 * rng.standard_normal((1800, 3))) * scale
+    np.savetxt(path, np.c_[np.arange(1800) / 100, np.round(y) if whole else y], "%.7g", ",", header="t,gx,gy,gz")
+    one = understood(capsys, str(path), "--recipe", "gyroscope-six-point")
+    check(one, reading_unit="deg/s", raw_unit=unit, visits=6)
+    assert one["scale"] * scale == pytest.approx(
+        2.0 if scale == 2.0 else 1.0, rel=0.02
+    )  # A range that is set wrong stays.
+
+
+def test_a_compass_rests_in_the_positions_of_a_recipe_beside_any_hard_iron(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """By the direction of what is left about their centre, not about zero."""
+    faces = np.repeat(50 * np.kron(np.eye(3), [[1.0], [-1.0]]), 300, axis=0)
+    path = tmp_path / "coils.csv"
+    y = faces + [60.0, -45.0, 20.0] + 0.1 * rng.standard_normal(faces.shape)
+    np.savetxt(path, np.c_[np.arange(1800) / 100, y], "%.5g", ",", header="t,mx,my,mz")
+    check(understood(capsys, str(path), "--recipe", "magnetometer-six-point"), reading_unit="uT", visits=6, poses=6)

@@ -26,6 +26,10 @@ USUAL_FIELD_UT = 50.0
 LIKE_COUNTS = ("mgauss",)
 #: Units that readings are told to be in by their size; the others are rare, and have to be named.
 USUAL_UNITS = ("g", "m/s²", "mg", "uT", "nT", "mT", "T", "gauss", "mgauss")
+#: Of turn rates; readings of a device beside the speeds of a recipe tell which.
+USUAL_RATES = ("deg/s", "rad/s", "mdeg/s")
+#: Counts for 1 deg/s at the least: of converters of 16 bits and 4,000 deg/s.
+LEAST_A_DEG = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +181,20 @@ def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitSca
     bits = _counts(radius) if whole or radius > LEAST_COUNTS else 0
     zero = float(2 ** round(np.log2(np.abs(np.median(centre))))) if off_centre and np.median(centre) > 0 else 0.0
     return UnitScale("LSB", 1 / (bits or radius), zero, exact=bool(bits))
+
+
+def from_rates(means: Floats, rates: Floats, quantity: Quantity, *, whole: bool) -> UnitScale:
+    """The scale that mean raw turn rates (k, 3) tell beside those of a recipe's positions (p, 3), deg/s, by the axis
+    that turns fastest; whole: the raw numbers are integers, and counts where they are far more than deg/s. A range that
+    is set wrong is no unit: deg/s otherwise."""
+    wide, turned = (float(np.max(np.ptp(x, axis=0), initial=0.0)) for x in (means, rates))
+    if not (wide > 0 and turned > 0):
+        return UnitScale(quantity.unit, 1.0)
+    ratio = turned / wide
+    for unit in USUAL_RATES:
+        if abs(np.log(ratio / quantity.factors[unit])) < np.log1p(SPREAD):
+            return UnitScale(unit, quantity.factors[unit])
+    return UnitScale("LSB", ratio, exact=False) if whole and ratio * LEAST_A_DEG < 1 else UnitScale(quantity.unit, 1.0)
 
 
 def is_converter_middle(centre: Floats, radius: float) -> bool:

@@ -59,8 +59,11 @@ class Recording:
         return len(self.time_s)
 
 
-def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_hz: float) -> Recording:
-    """A table's readings in `unit`; assumed_rate_hz: where neither stamps nor a person tell the rate.
+def understand(
+    table: RawTable, options: ImportOptions, unit: str, assumed_rate_hz: float, rates: Floats | None = None
+) -> Recording:
+    """A table's readings in `unit`; assumed_rate_hz: where neither stamps nor a person tell the rate; rates (p, 3):
+    turn rates of the recipe's positions, deg/s, by which readings without a unit are scaled.
 
     Errors: UsageError, SamplesError.
     """
@@ -88,7 +91,7 @@ def understand(table: RawTable, options: ImportOptions, unit: str, assumed_rate_
     means = _rest_means(ticks.time_s, raw, edges, quantity)
     if of_axes is None:
         axis_units.check(table, roles.axes, means, quantity)
-        scale = _scale(table, roles, options, quantity, means, raw)
+        scale = _scale(table, roles, options, quantity, means, raw, rates)
     else:
         scale = UnitScale(unit, 1.0, inferred=False)
     temperature, lost = _temperature(table, roles, usable)
@@ -219,7 +222,13 @@ def _rest_means(time_s: Floats, raw: Floats, edges: NDArray[np.int64] | None, qu
 
 
 def _scale(
-    table: RawTable, roles: Roles, options: ImportOptions, quantity: Quantity, means: Floats, raw: Floats
+    table: RawTable,
+    roles: Roles,
+    options: ImportOptions,
+    quantity: Quantity,
+    means: Floats,
+    raw: Floats,
+    rates: Floats | None,
 ) -> UnitScale:
     if options.scale is not None or options.zero is not None:
         return UnitScale("raw", options.scale or 1.0, options.zero or 0.0, inferred=False)
@@ -232,6 +241,8 @@ def _scale(
     whole = bool(np.all(raw[:1000] % 1 == 0))
     if stated is not None and stated != "LSB":
         return UnitScale(stated, quantity.factors[stated], inferred=False)
+    if rates is not None:
+        return quantities.from_rates(means, rates, quantity, whole=whole or stated == "LSB")
     found = quantities.from_magnitude(means, quantity, whole=whole or stated == "LSB")
     return replace(found, inferred=stated is None)
 

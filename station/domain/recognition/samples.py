@@ -31,6 +31,8 @@ PUSHED = 0.1
 LEAST_FOR_OFFSET = 9
 #: No sensor that is turned by a fixture or a hand reads more, deg/s.
 FASTEST_DEG_S = 5000.0
+#: Slower than this share of the fastest is rest.
+AT_REST = 0.05
 #: Gravity shows in an accelerometer at rest as at least so much, g, whatever its offset.
 LEAST_GRAVITY_G = 0.3
 #: An acceleration of unknown scale that scatters by this share of its own size at rest, or from rest to rest, is not
@@ -319,13 +321,33 @@ def _named(recording: Recording, found: Visits, recipe: Recipe) -> Visits:
 
 
 def _nearest(recipe: Recipe, mean: Floats) -> list[str]:
-    """The nearest position of each mean reading (k, 3); '' where none is within FACE_DEG."""
+    """The nearest position of each mean reading (k, 3) by direction, of turn rates by speed, too; '' where none is
+    within FACE_DEG. A compass may lie off its centre by more than the field."""
     true = np.array([recipe.true_vector(p) for p in recipe.positions])
+    if recipe.feels_rotation:
+        wide, turned = np.ptp(mean, axis=0).max(), np.ptp(true, axis=0).max()
+        names = _nearest_rate(recipe, mean, true)
+        # In a range that is set wrong the speeds are to each other as they should be.
+        return names if any(names) or not wide > 0 else _nearest_rate(recipe, mean * turned / wide, true)
+    mean = mean - sphere(mean)[0] if recipe.unit == "uT" else mean
     sizes = np.linalg.norm(mean, axis=1)[:, None] * np.linalg.norm(true, axis=1)
     cosines = (mean @ true.T) / np.maximum(sizes, 1e-300)
     best = cosines.argmax(axis=1)
     near = cosines.max(axis=1) > np.cos(np.deg2rad(FACE_DEG))
     return [recipe.positions[b].name if ok else "" for b, ok in zip(best, near, strict=True)]
+
+
+def _nearest_rate(recipe: Recipe, mean: Floats, true: Floats) -> list[str]:
+    """The position of the nearest rate; '' also at rest where the recipe rests in several positions, which no turn rate
+    tells apart. What is read at rest is an offset of any direction."""
+    speed = np.linalg.norm(true, axis=1)
+    fastest = float(np.max(speed, initial=0.0))
+    apart = np.linalg.norm(mean[:, None] - true, axis=2)
+    best = apart.argmin(axis=1)
+    near = apart.min(axis=1) < np.maximum(np.sin(np.deg2rad(FACE_DEG)) * speed, AT_REST * fastest)[best]
+    resting = speed < AT_REST * fastest
+    told = ~resting | (np.count_nonzero(resting) == 1)
+    return [recipe.positions[b].name if ok and told[b] else "" for b, ok in zip(best, near, strict=True)]
 
 
 def samples_table(passes: Sequence[tuple[UnitRecording, Visits]]) -> SampleTable:

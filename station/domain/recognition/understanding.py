@@ -151,8 +151,11 @@ def messages(facts: dict[str, Any], remarks: tuple[Message, ...]) -> Iterator[Me
 
 
 def _unit_message(facts: dict[str, Any], how: Message) -> Message:
-    if facts["reading_unit"] == "deg/s" and "unit" in facts["inferred"]:
-        return Message("understood-rate-unit")
+    if facts["reading_unit"] == "deg/s" and "unit" in facts["inferred"] and facts["raw_unit"] in ("LSB", "deg/s"):
+        known = facts["raw_unit"] == "deg/s"
+        return (
+            Message("understood-rate-unit") if known else Message("understood-rate-counts", counts=1 / facts["scale"])
+        )
     counts = 1 / facts["scale"] if facts["raw_unit"] == "LSB" else 1.0
     if not float(np.log2(abs(counts))).is_integer():
         # No converter has so many counts: they are what makes the magnitude right.
