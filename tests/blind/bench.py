@@ -7,6 +7,7 @@ seatings, runs) and the table type are shared with the station.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -106,19 +107,25 @@ class World:
         q = q_mul(q_small(zero + station), q_mul(self.nest_q, q_small(zero + nest)))
         return q_back(q_mul(q_mul(q, self.seat_q), q_small(zero + device)), self.up)
 
-    @property
+    @cached_property
     def a(self) -> Array:
         """True vectors (n, 3) of an ideal rig."""
-        return self.feel()
+        return _kept(self.feel())
 
-    @property
+    @cached_property
     def before(self) -> Array:
         """True vectors (n, 3) at the stop before; the stop's own at the first of a run."""
         first = np.flatnonzero(np.diff(self.stop, prepend=-1))
         a = self.a[first]
         ahead = np.r_[a[:1], a[:-1]]
         ahead[self.visit[first] == 0] = a[self.visit[first] == 0]
-        return ahead[self.stop]
+        return _kept(ahead[self.stop])
+
+
+def _kept(values: Array) -> Array:
+    """Values that are made once, and asked for at every stop and axis: nobody may change them."""
+    values.setflags(write=False)
+    return values
 
 
 #: What a hidden thing does: new true vectors of the ideal ones, and an addition to the reading.
