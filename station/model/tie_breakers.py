@@ -1,7 +1,7 @@
 """What tells two causes apart that no run does, as their files say.
 
 >>> next(tie_breakers(["asymmetry", "quadratic"]))
-'tilts between the faces, more than 1 g on a centrifuge, or spins at other speeds'
+'tilts between the faces, or other strengths: a centrifuge, coils, spins at other speeds'
 """
 
 from collections.abc import Collection, Iterator

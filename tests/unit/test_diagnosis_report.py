@@ -22,7 +22,7 @@ from station.reporting.diagnosis.data import CauseSignature, DwellCourse, Formul
 from station.reporting.diagnosis.hypothesis_section import draw_curve
 from station.reporting.diagnosis.page import ReportPage, ReportSection, build_page
 from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
-from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size
+from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size, unit_words
 from station.reporting.diagnosis.samples import tone_spectrum
 
 PLACES = ("z-up", "x-up", "y-up", "z-down")
@@ -477,6 +477,7 @@ def test_numbers_are_said_as_on_the_line() -> None:
     assert format_size(0.02, "deg/s·s/degC") == "20 (mdeg/s)·s/°C"
     assert format_size(0.02, "deg/s/degC") == "20 mdeg/s/°C"
     assert format_size(2e-5, "1/uT") == "20 ppm/µT"
+    assert unit_words("temperature × input, °C·deg/s²") == "temperature × input, °C·(deg/s)²"
     assert format_size(40.0, "s") == "40 s"
     assert format_interval(-3.1e-4, 1e-5, "g") == "−310 ± 20 µg"
     assert format_significant(1e5) == "100000"

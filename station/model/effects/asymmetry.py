@@ -25,7 +25,9 @@ class Asymmetry(SensorEffect):
     remedy = "compensate with one gain for each sign, or ask the supplier about the lot"
     shown_by = "add positions at 45°, or spins at other speeds, so that each axis feels three magnitudes"
     drawn_over = "input"
-    separated_by = (("quadratic", "tilts between the faces, more than 1 g on a centrifuge, or spins at other speeds"),)
+    separated_by = (
+        ("quadratic", "tilts between the faces, or other strengths: a centrifuge, coils, spins at other speeds"),
+    )
     level = "device"
     of = ("unit", "common")
     parameter = Parameter("coefficient", "1", 4e-4, 1e-4, 1e-3, "force-balance asymmetry, 100–1000 ppm; unchecked")

@@ -25,7 +25,9 @@ class Quadratic(SensorEffect):
     remedy = "add the square to the compensation, or ask the supplier about the lot"
     shown_by = "add positions at 45°, or spins at other speeds, so that each axis feels three magnitudes"
     drawn_over = "input"
-    separated_by = (("asymmetry", "tilts between the faces, more than 1 g on a centrifuge, or spins at other speeds"),)
+    separated_by = (
+        ("asymmetry", "tilts between the faces, or other strengths: a centrifuge, coils, spins at other speeds"),
+    )
     level = "device"
     of = ("unit", "common")
     parameter = Parameter(

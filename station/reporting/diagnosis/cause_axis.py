@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from station.domain.core.types import Floats, Labels
 from station.model.effect import DrawnOver
 from station.reporting.diagnosis.data import CauseSignature, ReportData
+from station.reporting.diagnosis.quantity_format import unit_words
 from station.reporting.diagnosis.sentences import report_text
 
 #: Covariates of visits by the way a cause is drawn, and the message of the axis.
@@ -77,6 +78,10 @@ def affected_visits(
     return AffectedVisits(rows, whose)
 
 
+def _axis_text(key: str, **values: str) -> str:
+    return unit_words(report_text(key, **values))
+
+
 def _seated_twice(data: ReportData, rows: NDArray[np.bool_]) -> bool:
     """Whether the sensor lies in a position in more than one way, so that a position alone says little."""
     return data.felt is not None and any(
@@ -116,28 +121,28 @@ def _by_visit(data: ReportData, cause: Mapping[str, Any], over: DrawnOver) -> Ca
         kinds = [str(row["of"]).split(":", 1)[0] for row in cause["parameters"]]
         labels = next((data.groups[kind] for kind in kinds if kind in data.groups), None)
         return None if labels is None else CauseAxis(labels.code.astype(float), "", labels.names)
-    return CauseAxis(data.visit.astype(float), report_text("axis-order"))
+    return CauseAxis(data.visit.astype(float), _axis_text("axis-order"))
 
 
 def _by_reading(data: ReportData, felt: Floats, over: DrawnOver, signature: Floats, i: int) -> CauseAxis | None:
     """Axes that differ between the axes of the sensor."""
     unit, axis = data.unit_of_readings, "xyz"[i]
     if over == "input":
-        return CauseAxis(felt[:, i], report_text("axis-input", axis=axis, unit=unit))
+        return CauseAxis(felt[:, i], _axis_text("axis-input", axis=axis, unit=unit))
     if over == "step":
         before = np.where(data.previous[:, None] >= 0, felt[data.previous] - felt, np.nan)
-        return CauseAxis(before[:, i], report_text("axis-step", axis=axis, unit=unit))
+        return CauseAxis(before[:, i], _axis_text("axis-step", axis=axis, unit=unit))
     if over == "other-axis":
         j = _likest(signature, {j: felt[:, j] for j in range(3) if j != i})
-        return CauseAxis(felt[:, j], report_text("axis-input", axis="xyz"[j], unit=unit))
+        return CauseAxis(felt[:, j], _axis_text("axis-input", axis="xyz"[j], unit=unit))
     if over == "input-product":
         j = _likest(signature, {j: felt[:, i] * felt[:, j] for j in range(3) if j != i})
-        return CauseAxis(felt[:, i] * felt[:, j], report_text("axis-product", axis=axis, other="xyz"[j], unit=unit))
+        return CauseAxis(felt[:, i] * felt[:, j], _axis_text("axis-product", axis=axis, other="xyz"[j], unit=unit))
     if over == "temperature-input" and "temperature_degC" in data.values:
         degC, weight = data.values["temperature_degC"], felt[:, i] ** 2
         # About the mean that a gain takes up, so that only its change with temperature is left.
         off = degC - float(degC @ weight) / max(float(weight.sum()), 1e-300)
-        return CauseAxis(off * felt[:, i], report_text("axis-temperature-input", axis=axis, unit=unit))
+        return CauseAxis(off * felt[:, i], _axis_text("axis-temperature-input", axis=axis, unit=unit))
     return None
 
 
@@ -151,20 +156,20 @@ def _along_stimulus(data: ReportData, told: Floats, over: DrawnOver, signature: 
         products = {place: told[:, j] * told[:, k] for place, (j, k) in enumerate(PAIRS)}
         best = _likest(signature, products)
         axis, other = ("xyz"[j] for j in PAIRS[best])
-        return CauseAxis(products[best], report_text("axis-product", axis=axis, other=other, unit=unit))
+        return CauseAxis(products[best], _axis_text("axis-product", axis=axis, other=other, unit=unit))
     if over == "input":
         j = _bends_along(signature, told)
-        return CauseAxis(told[:, j], report_text("axis-input", axis="xyz"[j], unit=unit))
+        return CauseAxis(told[:, j], _axis_text("axis-input", axis="xyz"[j], unit=unit))
     if over == "step":
         steps = np.where(data.previous[:, None] >= 0, told[data.previous] - told, np.nan) * told
         there = np.isfinite(steps[:, 0])
         j = _bends_along(signature[there], steps[there])
-        return CauseAxis(steps[:, j], report_text("axis-step-along", axis="xyz"[j], unit=unit))
+        return CauseAxis(steps[:, j], _axis_text("axis-step-along", axis="xyz"[j], unit=unit))
     if over == "temperature-input" and "temperature_degC" in data.values:
         degC, square = data.values["temperature_degC"], told**2
         off = (degC[:, None] - degC @ square / np.maximum(square.sum(axis=0), 1e-300)) * square
         j = _likest(signature, dict(enumerate(off.T)))
-        return CauseAxis(off[:, j], report_text("axis-temperature-input-along", axis="xyz"[j], unit=unit))
+        return CauseAxis(off[:, j], _axis_text("axis-temperature-input-along", axis="xyz"[j], unit=unit))
     return None
 
 

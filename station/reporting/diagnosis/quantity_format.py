@@ -15,12 +15,12 @@ _PREFIXES = {
 }
 _BEGINNINGS = ("deg/s", "(deg/s)", "rad", "uT", "g", "1")
 #: A unit that is itself a quotient, where something is divided by it or multiplied with it.
-_QUOTIENT = re.compile(r"(?<=/)deg/s|deg/s(?=[·²])")
+_QUOTIENT = re.compile(r"(?<=[/·])deg/s|deg/s(?=[·²])")
 
 
 def unit_words(unit: str) -> str:
-    """A unit of the documents as a person reads it: 1/deg/s² is 1/(deg/s)²."""
-    return _QUOTIENT.sub("(deg/s)", unit).replace("degC", "°C").replace("uT", "µT")
+    """A unit of the documents, or words with one, as a person reads it: 1/deg/s² is 1/(deg/s)²."""
+    return re.sub(r"\buT\b", "µT", _QUOTIENT.sub("(deg/s)", unit).replace("degC", "°C"))
 
 
 def display_unit(values: Iterable[float], unit: str) -> tuple[float, str]:
