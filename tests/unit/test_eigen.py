@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.diagnosis.linear.eigen import eigenvectors
+from station.diagnosis.linear.eigen import eigenvectors, left_singular_vectors
 
 #: A kernel of the pose in two nests, beside offsets and gains: of its 60 columns 12 are rounding.
 NORMAL = Path(__file__).parents[1] / "data" / "normal-matrix.npz"
@@ -31,3 +32,17 @@ def test_others_have_those_that_numpy_finds(seed: int, n: int) -> None:
     normal = half @ half.swapaxes(-1, -2)
     for found, expected in zip(eigenvectors(normal), np.linalg.eigh(normal), strict=True):
         assert np.array_equal(found, expected)
+
+
+def test_columns_that_divide_and_conquer_gives_up_have_their_singular_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    columns = np.random.default_rng(5).standard_normal((3, 9, 4))
+    vectors, values = left_singular_vectors(columns)
+
+    def gives_up(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", gives_up)
+    others, again = left_singular_vectors(columns)
+    np.testing.assert_allclose(again, values, rtol=1e-12)
+    alike = np.abs(np.einsum("umk,umk->uk", vectors, others))
+    np.testing.assert_allclose(alike, 1.0, rtol=1e-12)

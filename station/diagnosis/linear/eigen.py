@@ -1,4 +1,4 @@
-"""Eigenvectors of normal matrices, whatever rounding has left in them."""
+"""Eigenvectors of normal matrices and singular vectors of others, whatever rounding has left in them."""
 
 import numpy as np
 import scipy
@@ -19,3 +19,14 @@ def eigenvectors(normal: Floats) -> tuple[Floats, Floats]:
         values, vectors = (np.stack(part) for part in zip(*each, strict=True))
         values, vectors = values.reshape(normal.shape[:-1]), vectors.reshape(normal.shape)
     return np.asarray(values), np.asarray(vectors)
+
+
+def left_singular_vectors(columns: Floats) -> tuple[Floats, Floats]:
+    """Left singular vectors (u, M, k) and singular values (u, k), falling, of matrices (u, M, p); k the lesser of M and
+    p. Where divide and conquer gives up, as above, by the QR algorithm."""
+    try:
+        vectors, values, _ = np.linalg.svd(columns, full_matrices=False)
+    except np.linalg.LinAlgError:
+        each = [scipy.linalg.svd(one, full_matrices=False, lapack_driver="gesvd") for one in columns]
+        vectors, values, _ = (np.stack(part) for part in zip(*each, strict=True))
+    return np.asarray(vectors), np.asarray(values)

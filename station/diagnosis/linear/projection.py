@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.linear.eigen import eigenvectors
+from station.diagnosis.linear.eigen import eigenvectors, left_singular_vectors
 from station.diagnosis.linear.run_filter import RunFilter
 from station.domain.core.types import Array, Floats
 
@@ -305,7 +305,7 @@ def _basis(columns: Floats) -> tuple[Floats, int, float]:
     retained &= clear[:, None]
     rank, logdet = int(np.count_nonzero(retained)), float(np.sum(np.log(values[retained])))
     if not clear.all():
-        vectors, s, _ = np.linalg.svd(scaled[~clear], full_matrices=False)
+        vectors, s = left_singular_vectors(scaled[~clear])
         more = s > RANK_TOLERANCE * np.max(s, axis=1, keepdims=True, initial=1e-300)
         basis[~clear] = vectors * more[:, None, :]
         rank += int(np.count_nonzero(more))
