@@ -13,9 +13,10 @@ from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_readings import NextReadings
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
-from station.diagnosis.planning.proposal import propose, rated_runs
-from station.diagnosis.planning.run_menu import run_menu
-from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, usual_shapes
+from station.diagnosis.planning.promise import TiedCauses
+from station.diagnosis.planning.proposal import _runs_of_causes, propose, rated_runs
+from station.diagnosis.planning.run_menu import made_for, run_menu
+from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, Suspects, usual_shapes
 from station.diagnosis.search.distinguishability import nearer_by_error
 from station.domain.core.types import SampleTable
 from station.model.simulate import SimulationJob, simulate
@@ -130,12 +131,23 @@ def test_a_rate_of_temperature_has_a_run_in_which_it_changes_its_sign() -> None:
     scene = campaign.gone_on(swinging, exact=True).problem.view.scene
     new = scene.visits.run == 1
     assert scene.temperature_degC is not None and scene.temperature_rate is not None
-    assert np.ptp(scene.temperature_degC[new]) == pytest.approx(5.0, abs=0.7)
+    # The usual bench warms by 2.5 °C in ten minutes: in a third of one half a degree is three times as fast.
+    assert np.ptp(scene.temperature_degC[new]) == pytest.approx(0.5, abs=0.1)
     assert np.sign(scene.temperature_rate[new]).tolist() == [1, 1, 1, -1, -1, -1]
     # So does the simulated bench.
     told = simulate(SimulationJob(swinging.recipe, ("a",), 5)).scene
     warm = np.bincount(told.visit, told.require("temperature_degC")) / np.bincount(told.visit)
     assert np.sign(np.diff(warm[6:]))[[0, 1, -2, -1]].tolist() == [1, 1, -1, -1]
+
+
+def test_the_run_made_for_a_tied_cause_is_looked_at_once_whatever_the_bound_ranks_first() -> None:
+    campaign, _ = once_measured(units=1)
+    now = PlannedRuns.measured(campaign.recipe)
+    tied = [Suspects((), TiedCauses((), (), np.inf), ("temperature-rate", "warm-up"))]
+    found = _runs_of_causes(campaign, now, tied, None)
+    assert {made_for(p.recipe.runs[-1]) for p in found} == {"temperature-rate"}
+    assert _runs_of_causes(campaign, found[0].campaign, tied, None) == []
+    assert _runs_of_causes(campaign, now, [replace(tied[0], members=("bias-drift", "warm-up"))], None) == []
 
 
 def test_a_plan_reads_the_thermometer_as_badly_as_it_was_read() -> None:

@@ -31,6 +31,13 @@ class WarmingBench:
     since_power_s: Floats = field(default_factory=lambda: np.zeros(0))
     more_degC_s: Floats = field(default_factory=lambda: np.zeros(0))
 
+    @property
+    def fastest_degC_s(self) -> float:
+        """The largest rate, of either sign, at which it was seen to change; of none seen that of the exponential."""
+        line, since = self.line, self.since_power_s if len(self.since_power_s) else np.array([self.line.power_lead_s])
+        rate = line.heating_degC / line.heating_tau_s * np.exp(-since / line.heating_tau_s)
+        return float(np.max(np.abs(rate + (self.more_degC_s if len(self.more_degC_s) else 0.0))))
+
     def warmed_degC(self, since_power_s: Floats) -> Floats:
         """By how much it is warmer than its room (n), so long after power-on; at the first time measured by as much as
         the exponential says."""

@@ -15,7 +15,7 @@ from station.diagnosis.planning.chance import CHOOSING_SETS, PROMISED_SETS, Sets
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import PlannedRuns, least_distinct_share
 from station.diagnosis.planning.promise import Promise, TrueAndOther
-from station.diagnosis.planning.run_menu import minutes_of, run_menu
+from station.diagnosis.planning.run_menu import made_for, minutes_of, run_menu
 from station.diagnosis.planning.suspects import (
     CauseHypothesis,
     CauseTie,
@@ -128,7 +128,7 @@ def _longer(campaign: MeasuredCampaign, lines_up: Sequence[Suspects], runs: int)
     in_vain = 0
     most = SIMULATED if campaign.units * len(campaign.recipe.positions) <= LARGE_CAMPAIGN else SIMULATED - 1
     for number in range(runs):
-        menu = _Menu(_rated_menu(campaign, now, lines_up, last, kinds))
+        menu = _Menu(_rated_menu(campaign, now, lines_up, last, kinds), _runs_of_causes(campaign, now, lines_up, last))
         least = HOPELESS_CERTAINTY if best is None else best.certainty + LEAST_GAIN / 2
         last = menu.best_simulated(campaign, lines_up, least, most if number == 0 else most - 1)
         if last is None:
@@ -143,30 +143,47 @@ def _longer(campaign: MeasuredCampaign, lines_up: Sequence[Suspects], runs: int)
     return best
 
 
+def _runs_of_causes(
+    campaign: MeasuredCampaign, now: PlannedRuns, lines_up: Sequence[Suspects], last: Proposal | None
+) -> list[Proposal]:
+    """The runs made for causes that are likely left tied so far: none of which the plan has already. A bound that knows
+    nothing of the errors of covariates ranks them too low."""
+    chances = {} if last is None else last.promise.simulated
+    left = {name for pair, chance in chances.items() if chance < LIKELY for name in pair}
+    names = {name for s in lines_up for name in s.members if last is None or name in left}
+    names -= {made_for(run) or "" for run in now.recipe.runs}
+    menu = run_menu(campaign, now, names)
+    own = [_kind_of(longer) for _, longer in menu if made_for(_kind_of(longer)) is not None] if names else []
+    return list(_rated_menu(campaign, now, lines_up, last, own)) if own else []
+
+
 class _Menu:
     """The runs that may be next, rated as far as they were looked at: the shortest first."""
 
-    def __init__(self, runs: Iterator[Proposal]) -> None:
-        self._runs = runs
+    def __init__(self, runs: Iterator[Proposal], first: Sequence[Proposal] = ()) -> None:
+        self._runs, self._first = runs, first
         self._rated: list[Proposal] = []
 
     def best_simulated(
         self, campaign: MeasuredCampaign, lines_up: Sequence[Suspects], least: float, most: int
     ) -> Proposal | None:
-        """The best of so many that the bound ranks first, of those it gives more than the least chance and of such as
-        part alike one; no further than to one that is certain enough."""
-        found = dict[int, Proposal]()
+        """The best of so many: of the runs of a tied cause's own the best, and those that the bound ranks first; of all
+        it gives more than the least chance, and of such as part alike one; no further than to one certain enough."""
+        found, tried = list[Proposal](), list[Mapping[TrueAndOther, float]]()
+        first = best_proposal([p for p in self._first if p.certainty > least])
         while len(found) < most:
-            self._rated += _up_to_certain(self._runs)
-            tried = [p.promise.apart for p in self._rated if id(p) in found]
-            left = [p for p in self._rated if p.certainty > least and not any(_alike(p, one) for one in tried)]
-            first = best_proposal(left)
+            if first is None:
+                self._rated += _up_to_certain(self._runs)
+                left = [p for p in self._rated if p.certainty > least and not any(_alike(p, one) for one in tried)]
+                first = best_proposal(left)
             if first is None:
                 break
-            found[id(first)] = simulated = _simulated(campaign, first, lines_up, CHOOSING_SETS)
-            if simulated.certainty >= SUFFICIENT_CERTAINTY:
+            tried.append(first.promise.apart)
+            found.append(_simulated(campaign, first, lines_up, CHOOSING_SETS))
+            if found[-1].certainty >= SUFFICIENT_CERTAINTY:
                 break
-        return best_proposal(list(found.values()))
+            first = None
+        return best_proposal(found)
 
     def worth_trying(self) -> list[Run]:
         """Of a whole menu the runs that alone promise most, and of each pair the shortest that parts it."""

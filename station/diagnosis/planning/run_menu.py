@@ -18,8 +18,11 @@ from station.model.timeline import run_timeline
 SLOW_FACTOR, SLOWEST_DWELL_S = 10.0, 10.0
 #: What an axis feels on a face is none or all of the stimulus, to this share.
 FACE_TOLERANCE = 0.02
-#: By how much a run gets warmer and cooler, degC: a rate is no drift and no decay where it changes its sign.
-SWING_DEGC = 5.0
+#: By how much a run may get warmer and cooler, degC, and how many times as fast as the bench warmed at most so far: a
+#: rate is no drift and no decay where it changes its sign; one far larger than any measured shows what else it does.
+SWINGS_DEGC, SWING_RATIO = (0.5, 1.0, 2.0, 5.0), 3.0
+#: Causes that have a run of their own.
+FILTER_LAG, BASE_TILT, TEMPERATURE_RATE = "filter-lag", "base-tilt", "temperature-rate"
 SECOND_NEST, ANOTHER_NEST = "once more in the next nest", "once more in another nest"
 
 
@@ -69,25 +72,46 @@ def run_menu(
             continue
         words = f"one run {text}" + (f" (dwells of {dwell.time_s:g} s)" if slow else "")
         yield words, now.followed_by(Run(**run), seats, dwell)
-    if "filter-lag" in tied:
+    if FILTER_LAG in tied:
         # A swing that each nest has for itself ends in another nest as a lag does with the filter.
         where = " in the same nest" if campaign.nests == 1 else ""
         words = f"one run{where} with the device's filter off"
         yield words, now.followed_by(Run(filter="off"), {}, now.dwells[-1])
-    if "base-tilt" in tied and now.recipe.feels_gravity_alone:
+    if BASE_TILT in tied and now.recipe.feels_gravity_alone:
         words = "one run with the rig turned 180° on its floor"
         yield words, now.followed_by(Run(base_turn_deg=180), {}, now.dwells[-1])
-    if "temperature-rate" in tied:
-        words = f"one run warmed by {SWING_DEGC:g} °C up to its middle and cooled again"
-        yield words, now.followed_by(Run(temperature_swing_degC=SWING_DEGC), {}, now.dwells[-1])
-        if (slow_dwell := _slow(now.dwells[0])) != now.dwells[-1]:
-            slow_words = f"{words}, slow (dwells of {slow_dwell.time_s:g} s)"
-            yield slow_words, now.followed_by(Run(temperature_swing_degC=SWING_DEGC), {}, slow_dwell)
+    if TEMPERATURE_RATE in tied:
+        yield from _swings(campaign, now)
     if tilts := _tilts_between_faces(now.recipe):
         words = f"one run with {len(tilts)} tilts between the faces"
         yield words, now.followed_by(Run(), {}, now.dwells[-1], tilts)
         if (slow_dwell := _slow(now.dwells[0])) != now.dwells[-1]:
             yield f"{words}, slow (dwells of {slow_dwell.time_s:g} s)", now.followed_by(Run(), {}, slow_dwell, tilts)
+
+
+def _swings(campaign: MeasuredCampaign, now: PlannedRuns) -> Iterator[tuple[str, PlannedRuns]]:
+    """Runs that are warmed up to their middle and cool again, as they dwell now and slowly."""
+    slow_dwell = _slow(now.dwells[0])
+    for dwell, words in ((now.dwells[-1], ""), (slow_dwell, f", slow (dwells of {slow_dwell.time_s:g} s)")):
+        if words and dwell == now.dwells[-1]:
+            continue
+        plain = now.followed_by(Run(), {}, dwell)
+        length_s = run_timeline(plain.recipe, len(plain.recipe.runs) - 1).duration_s
+        wanted = SWING_RATIO * campaign.bench.fastest_degC_s * length_s / np.pi
+        size = next((s for s in SWINGS_DEGC if s >= wanted), SWINGS_DEGC[-1])
+        yield (
+            f"one run warmed by {size:g} °C up to its middle and cooled again{words}",
+            now.followed_by(Run(temperature_swing_degC=size), {}, dwell),
+        )
+
+
+def made_for(run: Run) -> str | None:
+    """The cause that a run is made for, by id; None where it is for any."""
+    if run.filter == "off":
+        return FILTER_LAG
+    if run.base_turn_deg:
+        return BASE_TILT
+    return TEMPERATURE_RATE if run.temperature_swing_degC else None
 
 
 def _slow(rule: DwellRule) -> DwellRule:

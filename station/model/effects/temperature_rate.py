@@ -24,7 +24,7 @@ class TemperatureRate(SensorEffect):
 
     physics = "The offset follows the rate of temperature change: the package is warmer on one side."
     remedy = "let the units reach room temperature before the run, and keep draughts away"
-    shown_by = "let the temperature rise and fall within a run (`temperature_swing_degC: 5`)"
+    shown_by = "let the temperature rise and fall within a run (`temperature_swing_degC: 1`)"
     drawn_over = "temperature-rate"
     level = "device"
     of = ("unit", "common")
