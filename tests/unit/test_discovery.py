@@ -212,7 +212,7 @@ def test_another_spelling_of_its_law_takes_the_place_of_no_cause() -> None:
     d = diagnosis_of(recipe(1), table)
     paying = [cause.estimate.item for cause in d.causes if cause.estimate is not None]
     assert [item.candidate.name for item in paying] == ["warm-up"]
-    found = simplest_explanation(d.search_result, d.last, paying, d.samples, whole=True, doubtful=True)
+    found = simplest_explanation(d.search_result, d.last, paying, d.samples, whole=True, doubted=paying)
     assert [id(item) for item in found.causes] == [id(item) for item in paying]
 
 

@@ -156,9 +156,10 @@ def _with_formulas(d: Diagnosis, paying: list[AcceptedCause]) -> Diagnosis:
     from station.diagnosis.results.hypotheses import only_with
     from station.diagnosis.results.imitators import simplest_explanation
 
-    doubtful = any(cause.finding.doubts for cause in d.causes)
+    doubtful = [cause for cause in d.causes if cause.finding.doubts]
+    doubted = [cause.estimate.item for cause in doubtful if cause.estimate is not None] if doubtful else None
     explanation = simplest_explanation(
-        d.search_result, d.last, paying, d.samples, whole=not d.depends_on, doubtful=doubtful
+        d.search_result, d.last, paying, d.samples, whole=not d.depends_on, doubted=doubted
     )
     found = explanation.formula
     words = d.depends_on if found is None else found.words_of_rest(d.depends_on)

@@ -65,11 +65,12 @@ def simplest_explanation(
     samples: SampleSource,
     *,
     whole: bool,
-    doubtful: bool,
+    doubted: Sequence[AcceptedCause] | None,
 ) -> Explanation:
     """The causes that stay, and the formula beside them. last: the problem with every cause found; paying: the causes
-    that gain on held-out data; whole: whether these leave only noise; doubtful: whether laws of no cause are more
-    likely than one of them."""
+    that gain on held-out data; whole: whether these leave only noise; doubted: those of them than which laws of no
+    cause are more likely; None where there are no laws more likely than any cause found."""
+    doubtful, sure = doubted is not None, [c for c in paying if all(c is not one for one in doubted or ())]
     with_causes = Explanation(tuple(paying), None if whole else propose_formula(searched, last, paying, samples))
     alone_and_likely = whole and not doubtful and len(paying) < LEAST_CAUSES
     if not paying or (alone_and_likely and _leaves_noise(searched, last, paying[0])):
@@ -78,7 +79,8 @@ def simplest_explanation(
     # What takes as many terms as there are parts already is no simpler: it need not be looked for.
     most = max(with_causes.parts - 1, 1) if quiet else MAX_TERMS
     alone = propose_formula(searched, last, (), samples, most_terms=most)
-    if not doubtful and (written := _written_in(alone, paying, last)):
+    # A cause that nobody doubts keeps its name where another one is doubted.
+    if written := _written_in(alone, sure, last):
         return _of_fewest_causes(searched, with_causes, written, last, samples)
     # Causes that leave nothing are known physics: only a whole law takes their place.
     part = not alone.terms or (not alone.quiet and whole and not doubtful)
@@ -104,7 +106,8 @@ def _of_fewest_causes(
     if len(written) == len(with_causes.causes):
         return with_causes
     fewer = Explanation(written, propose_formula(searched, last, written, samples))
-    return fewer if _is_quiet(fewer) else with_causes
+    # A term in place of each cause left out writes that cause once more.
+    return fewer if _is_quiet(fewer) and fewer.parts < with_causes.parts else with_causes
 
 
 def _leaves_noise(searched: SearchResult, last: ScoringProblem, cause: AcceptedCause) -> bool:
