@@ -96,3 +96,16 @@ def test_a_compass_that_is_not_turned_is_refused_whatever_its_iron(
     y = [-199, -218, -364] + 3 * rng.standard_normal((600, 3))
     path = saved(tmp_path / "MagnetometerUncalibrated.csv", np.c_[np.arange(600) / 25, y], header="time,x,y,z")
     assert "range over" in refused(capsys, path)
+
+
+def test_labels_of_a_flight_are_no_poses(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """Stand-by, burn, coast, fall, landed: what a computer on board calls its own state."""
+    parts = [np.tile([0.0, 0.0, 1.0], (400, 1)), *(3 * rng.standard_normal((300, 3)) for _ in range(3))]
+    y = np.concatenate([*parts, np.tile([0.0, 1.0, 0.0], (400, 1))]) + 0.002 * rng.standard_normal((1700, 3))
+    state = np.repeat(list("SMCFL"), [400, 300, 300, 300, 400])
+    rows = [
+        f"{s},{i / 100:.2f},{','.join(f'{v:.5f}' for v in r)}" for i, (s, r) in enumerate(zip(state, y, strict=True))
+    ]
+    path = tmp_path / "flight.csv"
+    path.write_text("state,t,ax,ay,az\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    assert "looks like driving or handling" in refused(capsys, str(path))

@@ -86,8 +86,13 @@ def understand(
         remarks = (*remarks, _brought_together(table, roles, of_axes, unit))
     unit_change.check(table.source, raw, quantity)
     edges, names, declared = _declared(table, roles, blocks, usable, raw)
-    if declared == "shown-blocks" and ticks.unit != "none":
+    shown = declared == "shown-blocks" and ticks.unit != "none"
+    found = declared == "labels" and options.labels is None and unit == "g"
+    phases = found and edges is not None and not visits.mostly_rest(raw, edges)
+    if shown or phases:
         edges, names, declared = None, None, None
+    if phases and roles.labels is not None:
+        remarks = (*remarks, Message("labels-of-motion", file=table.source, column=table.columns[roles.labels].name))
     means = _rest_means(ticks.time_s, raw, edges, quantity)
     if of_axes is None:
         axis_units.check(table, roles.axes, means, quantity)

@@ -38,10 +38,6 @@ LEAST_GRAVITY_G = 0.3
 #: An acceleration of unknown scale that scatters by this share of its own size at rest, or from rest to rest, is not
 #: gravity; nor is one of such a name.
 LOUD = 0.1
-#: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
-WILD = 0.2
-#: Nor does a stretch rest whose parts lie this share apart: six degrees.
-TURNS = 0.1
 #: Without stamps the rate may be so many times slower; believed where so many times more orientations rest then.
 SLOWER, MANY_MORE = (2.0, 4.0), 1.4
 #: Neighbours nearer than this, g, are no poses of a list but a turn that was read on its way.
@@ -190,14 +186,8 @@ def _rest(recording: Recording) -> NDArray[np.int64]:
     if recording.unit == "g" and len(edges):
         _check_gravity_shows(recording, edges)
     size = float(np.median(np.linalg.norm(recording.reading, axis=1)))
-    rests = [_rests(recording.reading[a:b], size) for a, b in edges]
+    rests = [visits.rests(recording.reading[a:b], size) for a, b in edges]
     return np.asarray(edges[np.array(rests, bool)])
-
-
-def _rests(reading: Floats, size: float) -> bool:
-    """Whether a stretch (n, 3) that is quiet beside the rest of its recording rests beside what it measures, too."""
-    quiet = np.linalg.norm(reading.std(axis=0)) < WILD * size
-    return bool(quiet and rest_segments.wandering(reading) < TURNS * size)
 
 
 def _edges(recording: Recording) -> NDArray[np.int64]:

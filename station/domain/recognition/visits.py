@@ -26,6 +26,10 @@ LEAST_REACH = 0.2
 LEAST_ROWS, LONGEST_ROW = 4, 3.0
 #: Its longest axis is at most so many times its shortest: a circle that is turned in one plane lies on many.
 LONGEST_AXIS = 8.0
+#: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
+WILD = 0.2
+#: Nor does a stretch rest whose parts lie this share apart: six degrees.
+TURNS = 0.1
 #: So many readings show an ellipsoid.
 MOST_SHOWN = 2000
 #: This share of them may be off it: one beside iron, one written wrongly.
@@ -66,6 +70,18 @@ def labelled(file: str, column: RawColumn, keep: Array) -> tuple[Ints, tuple[str
     if not runs:
         raise SamplesError("labels-empty", file=file, column=column.name)
     return np.array(runs, np.int64), tuple(str(text[a]).strip() for a, _ in runs)
+
+
+def rests(reading: Floats, size: float) -> bool:
+    """Whether a stretch (n, 3) that is quiet beside the rest of its recording rests beside what it measures, too."""
+    quiet = np.linalg.norm(reading.std(axis=0)) < WILD * size
+    return bool(quiet and rest_segments.wandering(reading) < TURNS * size)
+
+
+def mostly_rest(reading: Floats, edges: Ints) -> bool:
+    """Whether at least half of parts (k, 2) of readings rest: phases of a flight, or gestures, do not."""
+    size = float(np.median(np.linalg.norm(reading, axis=1)))
+    return 2 * sum(rests(reading[a:b], size) for a, b in edges) >= len(edges)
 
 
 def shown_blocks(reading: Floats) -> int:
