@@ -147,11 +147,13 @@ def test_another_position_or_length_ends_a_stay() -> None:
     assert np.count_nonzero(np.diff(recut(free, moved).table.visit)) == 4 + 2 - 1
 
 
-@pytest.mark.parametrize("cut_s", [0.5, 1.0, 2.0, 5.0])
-def test_the_rests_of_a_tumble_are_a_visit_each_however_they_are_cut(cut_s: float) -> None:
-    """Pieces of half a second were visits of their own, whose errors are one error: it made causes evident."""
+@pytest.mark.parametrize(("cut_s", "first_s"), [(0.5, 0.0), (1.0, 0.0), (2.0, 120.0), (5.0, 0.0), (10.0, 120.0)])
+def test_the_rests_of_a_tumble_are_a_visit_each_however_they_are_cut(cut_s: float, first_s: float) -> None:
+    """Pieces of half a second were visits of their own, whose errors are one error: it made causes evident. first_s: a
+    tumble begins with a longer rest, of which the gyroscope's offset is taken."""
     rng = np.random.default_rng(4)
     rest_s = rng.uniform(3.0, 14.0, 12).round(2)
+    rest_s[0] += first_s
     begins = np.cumsum(np.r_[0.0, rest_s[:-1] + 2.0])
     t = np.concatenate([b + np.arange(0.0, s, 0.01) for b, s in zip(begins, rest_s, strict=True)])
     rest = np.repeat(np.arange(12), [len(np.arange(0.0, s, 0.01)) for s in rest_s])

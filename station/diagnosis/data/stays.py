@@ -25,8 +25,9 @@ MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES = 96, 5.0, 20
 MAX_STEP = 0.03
 #: A stay in the only position of a recipe is cut from so many of the shortest stretches on.
 LEAST_STRETCHES = 4
-#: So many stays of a unit, none of them longer than this (s), are rests of a tumble.
-LEAST_RESTS, LONGEST_REST_S = 7, 60.0
+#: So many stays of a unit, half of them no longer than this and none than that (s), are rests of a tumble: it often
+#: begins with a long one, for the gyroscope.
+LEAST_RESTS, USUAL_REST_S, LONGEST_REST_S = 7, 60.0, 300.0
 #: Sample periods that may lie between two visits of one stay.
 MAX_GAP_PERIODS = 3.0
 #: Share of the stimulus by which two visits of one stay may differ where nobody knows the pose.
@@ -88,9 +89,9 @@ def whole_rests(recipe: Recipe, table: SampleTable) -> SampleTable:
 def _are_rests(table: SampleTable, begins: Rows) -> bool:
     """Whether stays that begin at rows (k) are rests of units that were turned from one to the next."""
     last = np.append(begins[1:], len(table)) - 1
-    rests = np.bincount(table.unit.code[begins])
-    longest = float((table.time_s[last] - table.time_s[begins]).max())
-    return longest <= LONGEST_REST_S and int(rests[rests > 0].min()) >= LEAST_RESTS
+    rests, lasts_s = np.bincount(table.unit.code[begins]), table.time_s[last] - table.time_s[begins]
+    short = float(np.median(lasts_s)) <= USUAL_REST_S and float(lasts_s.max()) <= LONGEST_REST_S
+    return short and int(rests[rests > 0].min()) >= LEAST_RESTS
 
 
 def _recut(recipe: Recipe, table: SampleTable, stays: Rows, steps: Rows, period: float) -> Recut:
@@ -107,8 +108,7 @@ def _recut(recipe: Recipe, table: SampleTable, stays: Rows, steps: Rows, period:
         return Recut(table, len(first), 0, 0.0)
     longest = float(span[many].max(initial=0.0))
     length = max(longest / MAX_STRETCHES, MIN_STRETCH_S, MIN_STRETCH_SAMPLES * period)
-    rests = np.bincount(table.unit.code[begins])
-    if longest <= LONGEST_REST_S and rests[rests > 0].min() >= LEAST_RESTS:
+    if _are_rests(table, begins):
         length = longest + period
     stretch = _stretch(since, row_stay, span, many, length)
     visit = _renumbered(table, row_stay, stretch, many | np.isin(begins, steps))
