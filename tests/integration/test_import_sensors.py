@@ -545,3 +545,18 @@ def test_a_compass_rests_in_the_positions_of_a_recipe_beside_any_hard_iron(
     y = faces + [60.0, -45.0, 20.0] + 0.1 * rng.standard_normal(faces.shape)
     np.savetxt(path, np.c_[np.arange(1800) / 100, y], "%.5g", ",", header="t,mx,my,mz")
     check(understood(capsys, str(path), "--recipe", "magnetometer-six-point"), reading_unit="uT", visits=6, poses=6)
+
+
+def test_a_compass_in_gauss_whose_iron_makes_it_as_large_as_gravity(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither name nor stamp: readings of .4 about a middle .77 away are near 1 in the middle, and no accelerometer."""
+    d = rng.standard_normal((600, 3))
+    y = (
+        0.41 * d / np.linalg.norm(d, axis=1, keepdims=True)
+        + [-0.25, 0.27, -0.68]
+        + 0.01 * rng.standard_normal((600, 3))
+    )
+    np.savetxt(tmp_path / "a.csv", y, "%.5f", ",", header="x,y,z", comments="")
+    one = understood(capsys, str(tmp_path / "a.csv"))
+    check(one, reading_unit="uT", raw_unit="gauss", visits_by="readings")

@@ -57,10 +57,12 @@ def _in_name(source: str, word: str) -> bool:
 def _like_a_field(table: RawTable, found: dict[str, Roles]) -> bool:
     """Whether readings are of no acceleration's size, or too far off its centre, and of a magnetic field's size."""
     reading = _reading(table, found["uT"].axes)
-    if "g" in found and (_like_gravity(table, found["g"]) or _near_gravity(_reading(table, found["g"].axes))):
-        return False
     means = _means(reading)
     centre, size = sphere(means)
+    # No accelerometer is turned about a middle that is farther off than gravity is large.
+    near = float(np.linalg.norm(centre)) <= size and _near_gravity(reading)
+    if "g" in found and (near or _like_gravity(table, found["g"])):
+        return False
     if bool(np.all(reading[:1000] % 1 == 0)):
         return (
             _is_hard_iron(centre, size)
