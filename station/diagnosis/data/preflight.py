@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data import preflight_checks, stays, visit_motion
+from station.diagnosis.data import field_direction, preflight_checks, stays, visit_motion
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
@@ -128,6 +128,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         remarks=(
             *preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned),
             *preflight_checks.stepped(recipe, table, begin, mean, steps),
+            *field_direction.remarks(recipe, table, begin[~out], mean[~out], unit[~out]),
         ),
         simulated=_simulated(table, begin),
     )
