@@ -66,6 +66,19 @@ def test_the_estimate_is_unbiased_and_its_deviation_covers(variances: tuple[floa
     assert np.all(np.abs(error) < allowed)
 
 
+def test_a_floor_asked_for_again_is_the_one_made_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, made, _ = structure(np.random.default_rng(6))
+    asked = [np.array([1.0, 0.5, 0.1 * i]) for i in range(floors.KEPT_COVARIANCES + 1)]
+    every = [made.covariance(variances) for variances in asked]
+    assert made.covariance(asked[-1].copy()) is every[-1]
+    # No more than the last ones are kept, and none of another member's.
+    again = made.covariance(asked[0])
+    assert again is not every[0] and np.array_equal(again.runs.inverse, every[0].runs.inverse)
+    assert len(replace(made, member=made.member[:1]).covariance(asked[0]).live) == 1
+    monkeypatch.setattr(floors, "MOST_KEPT_NUMBERS", 0)
+    assert made.covariance(asked[-1]) is not every[-1]
+
+
 def test_no_variance_leaves_its_bounds() -> None:
     rng = np.random.default_rng(6)
     grid, made, _ = structure(rng)

@@ -6,7 +6,7 @@ of those causes' own signatures. The estimate is Newton's on the average informa
 Biometrics 51 (1995) 1440, eq. 5), inside bounds.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ ROUNDING = 1e-12
 FEW_ROWS = 18
 #: Sums up to each of more visits are made one by one: a matrix costs their square.
 MANY_VISITS = 96
+#: Covariances that a structure keeps of the variances asked for last, and numbers that each of them has at the most.
+KEPT_COVARIANCES, MOST_KEPT_NUMBERS = 8, 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,7 @@ class FloorStructure:
     inside: Floats
     pad: Floats
     member: NDArray[np.intp]
+    _kept: dict[bytes, FloorCovariance] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def shown(self) -> NDArray[np.bool_]:
@@ -94,10 +97,20 @@ class FloorStructure:
         return FloorStructure(white, turn, walk, step, step, inside, self.pad, self.member)
 
     def covariance(self, variances: Floats) -> FloorCovariance:
-        """The floor with the variances (3)."""
+        """The floor with the variances (3). Of few runs the last ones are kept: bank, laws and fit ask for the same
+        floor one after the other."""
+        if self.inside.size > MOST_KEPT_NUMBERS:
+            return self._covariance_of(variances)
+        if (found := self._kept.get(key := variances.tobytes())) is None:
+            if len(self._kept) == KEPT_COVARIANCES:
+                del self._kept[next(iter(self._kept))]
+            found = self._kept[key] = self._covariance_of(variances)
+        return found
+
+    def _covariance_of(self, variances: Floats) -> FloorCovariance:
         white, turn, walk = (float(x) for x in variances)
         if walk == 0.0 and self.turn.shape[2] > 1:
-            return self.by_visits().covariance(variances)
+            return self.by_visits()._covariance_of(variances)
         C, B, s = self.white.shape
         v, k = self.turn.shape[2:4]
         V = walk * self.inside
