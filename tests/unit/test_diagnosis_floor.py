@@ -12,6 +12,7 @@ from station.diagnosis.linear import noise_floor as floors
 from station.diagnosis.linear.grid import VisitGrid
 from station.diagnosis.linear.projection import DataColumns, NuisanceColumns, residual_space
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.model.effects.bias_walk import BiasWalk
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
 from station.model.timeline import noise_density_of
@@ -203,14 +204,19 @@ def test_the_bias_of_a_noisier_device_may_walk_further(noisier: float) -> None:
     assert (allowed.turn, allowed.walk) == pytest.approx((1e-4, 1e-5 * max(1.0, noisier)))
 
 
+def test_a_device_without_a_sheet_may_walk_as_far_as_any() -> None:
+    allowed = FloorAllowance.of(load_recipe("hand-held"), Model())
+    assert allowed.walk == pytest.approx(BiasWalk.parameter.high)
+
+
 def test_what_wanders_with_the_noise_of_a_noisy_device_is_no_finding() -> None:
-    """One whose samples scatter by 20 mg, and its bias from visit to visit by .4 mg; nobody stated its sheet."""
+    """One whose samples scatter by 20 mg, and its bias from visit to visit by 1.5 mg; nobody stated its sheet."""
     usual = recipe(3)
     stated = usual.device.model_fields_set - {"noise_density", "lsb", "rate_hz"}
     silent = type(usual.device).model_validate(usual.device.model_dump(include=stated))
     made = simulate(SimulationJob(usual, ("A",), 4)).table
     rng, visit = np.random.default_rng(7), np.unique(made.run * 100 + made.visit, return_inverse=True)[1]
-    walk = np.cumsum(4e-4 * rng.standard_normal((visit.max() + 1, 3)), axis=0)[visit]
+    walk = np.cumsum(1.5e-3 * rng.standard_normal((visit.max() + 1, 3)), axis=0)[visit]
     reading = made.reading + walk + 0.02 * rng.standard_normal(made.reading.shape)
     checked, table = preflight.inspect(usual.model_copy(update={"device": silent}), replace(made, reading=reading))
     kind = preflight.with_sheet(usual.model_copy(update={"device": silent}), checked)

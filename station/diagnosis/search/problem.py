@@ -45,6 +45,7 @@ class FloorAllowance:
 
     A device's bias wanders in proportion to its noise: one of ten times the usual density may walk ten times as far,
     and so may one whose filter or slow noise leaves ten times as much of a mean as samples that differ by chance do.
+    Where no sheet states the noise, the device may be of the kind that wanders furthest.
     """
 
     turn: float = 1e-4
@@ -54,6 +55,8 @@ class FloorAllowance:
     def of(recipe: Recipe, model: Model) -> "FloorAllowance":
         """The usual allowance in the recipe's unit, or what a model has found the floor to hold, if that is more."""
         noisier = max(1.0, noise_density_of(recipe) / usual_noise_density(recipe))
+        if "noise_density" not in recipe.device.model_fields_set:
+            noisier *= BiasWalk.parameter.high / BiasWalk.parameter.typical
         turn, walk = 1e-4, 1e-5 * stimulus_strength(recipe) * noisier
         for modelled in model.effects:
             sizes = [float(p.value) for p in modelled.parameters if p.of == "common" and not isinstance(p.value, str)]
