@@ -8,10 +8,15 @@ import pytest
 from station.config.recipes import load_recipe
 from station.diagnosis.candidates.bank import candidates
 from station.diagnosis.candidates.input_kernels import functions_of_input
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.data.reduce import reduce_samples
-from station.diagnosis.search.extent import Extent, best_extent, extents
+from station.diagnosis.search.candidate_banks import CandidateBanks
+from station.diagnosis.search.extent import Extent, best_extent, extents, ranks_beside_scan
+from station.diagnosis.search.other_starts import AHEAD_NATS
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
+from station.diagnosis.search.rank import rank_causes
 from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.walk_marginal import score_over_walks
 from station.domain.core.types import Floats
 from station.model.effects.asymmetry import Asymmetry
 from station.model.effects.cross_axis import CrossAxis
@@ -43,6 +48,23 @@ def test_a_cause_is_looked_at_where_it_acts(acts: Floats, where: int | None) -> 
     else:
         assert found is not None
         assert np.array_equal(found.weight, extents(problem.view)[where].weight)
+
+
+def test_beside_a_jump_of_one_unit_a_drift_of_that_unit_pays_for_no_other() -> None:
+    recipe = load_recipe("six-point")
+    table = simulate(SimulationJob(recipe, tuple(f"SN{i}" for i in range(UNITS)), seed=11)).table
+    drift = np.where(table.unit.code == 4, 5e-5 * (table.time_s - 10.0), 0.0)
+    reading = table.reading + drift[:, None] * np.eye(3)[1]
+    problem = initial_problem(
+        reduce_samples(recipe, replace(table, reading=reading)), FloorAllowance.of(recipe, Model())
+    )
+    banks = [bank.named({"step", "bias-drift"}) for bank in CandidateBanks(problem.view).of(problem.view, ())]
+    banks = [bank for bank in banks if bank.candidates]
+    floor = problem.fit().floor
+    ranks = rank_causes(problem, banks, score_over_walks(problem, banks, floor), KERNEL_NAMES)
+    beside = ranks_beside_scan(problem, banks, ranks, floor)
+    assert ranks["step"].evidence > ranks["bias-drift"].evidence + AHEAD_NATS
+    assert beside["bias-drift"].evidence > beside["step"].evidence + AHEAD_NATS
 
 
 def test_what_turns_axes_into_each_other_is_on_no_axis_alone() -> None:

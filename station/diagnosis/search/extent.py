@@ -96,6 +96,17 @@ def ranks_in_extent(
     return {**ranks, **narrow}
 
 
+def ranks_beside_scan(
+    problem: ScoringProblem, banks: Sequence[Bank], ranks: Mapping[str, RankedCause], floor: NoiseFloor
+) -> dict[str, RankedCause]:
+    """The same where a cause leads that hits few groups, as a jump does: it does not pay for units in which it is
+    nothing, and beside it no rival does."""
+    leader = max(ranks.values(), key=lambda r: r.evidence)
+    few = 1 < problem.view.grid.units <= MOST_UNITS
+    scans = few and leader.best is not None and leader.best.pattern == "scan"
+    return ranks_in_extent(problem, banks, ranks, floor) if scans else dict(ranks)
+
+
 def _cuts(candidate: Candidate, every: Sequence[Extent]) -> Iterator[tuple[int, Candidate]]:
     """A candidate everywhere, 0, and in each extent, 1 and on; nothing of one that cannot be cut."""
     cut = [extent.of(candidate) for extent in every]

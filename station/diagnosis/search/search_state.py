@@ -14,6 +14,7 @@ from station.diagnosis.search.alarm import NullDistribution, statistic
 from station.diagnosis.search.bend import bend_nats
 from station.diagnosis.search.best_form import tune_forms
 from station.diagnosis.search.candidate_banks import CandidateBanks
+from station.diagnosis.search.extent import ranks_beside_scan
 from station.diagnosis.search.finding import CauseFinding, cause_finding
 from station.diagnosis.search.first_look import sampled_look
 from station.diagnosis.search.freed_turn import freed_turn
@@ -142,7 +143,10 @@ class CauseSearch:
             if name in state.evidence:
                 ranks[name] = RankedCause(name, state.evidence[name], None, state.now)
         ranks = {name: r for name, r in ranks.items() if before.count(name) < MAX_REPEATS}
-        return tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
+        ranks = tune_forms(state.problem, _prefer_evident_cause(state.problem, banks, ranks))
+        leader = max(ranks.values(), key=lambda r: r.evidence, default=None)
+        evident = leader is not None and leader.evidence >= EVIDENT_NATS
+        return ranks_beside_scan(state.problem, banks, ranks, state.now.floor) if evident else ranks
 
     def accepted(
         self, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause
