@@ -170,8 +170,12 @@ def world(recipe: Recipe, units: int, rng: np.random.Generator, nests: int = 2) 
                     t = 1.5 + v * (stay + recipe.settle.time_s + 1.5) + away
                     power = t + 3.0 + run.prewarm_s
                     wave = sway(t + clock)
-                    parts["T"].append(22 + run.temperature_offset_degC + wave[0] + 2 * (1 - np.exp(-power / 400)))
-                    parts["rate"].append(wave[1] + 2 / 400 * np.exp(-power / 400))
+                    # Half a wave from end to end, where it is to be warmer in the middle.
+                    w = np.pi / (1.5 + len(order) * (stay + recipe.settle.time_s + 1.5))
+                    swing = run.temperature_swing_degC * np.stack([np.sin(w * t), w * np.cos(w * t)])
+                    warm = run.temperature_offset_degC + swing[0] + wave[0]
+                    parts["T"].append(22 + warm + 2 * (1 - np.exp(-power / 400)))
+                    parts["rate"].append(swing[1] + wave[1] + 2 / 400 * np.exp(-power / 400))
                     for key, value in (("t", t), ("away", away), ("power", power), ("clamp", t + 6.0)):
                         parts[key].append(value)
                     for key, whole in (("unit", u), ("run", r), ("visit", v), ("position", names.index(position.name)),
