@@ -8,13 +8,14 @@ import pytest
 from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
 from station.diagnosis.data.reduce import reduce_samples, visit_means
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.bench import bench_of, warming_bench_of
+from station.diagnosis.planning.bench import WarmingBench, bench_of, warming_bench_of
+from station.diagnosis.planning.chance import SimulatedChance
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_readings import NextReadings
 from station.diagnosis.planning.next_run import next_run
 from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
-from station.diagnosis.planning.promise import TiedCauses
-from station.diagnosis.planning.proposal import _runs_of_causes, propose, rated_runs
+from station.diagnosis.planning.promise import Promise, TiedCauses
+from station.diagnosis.planning.proposal import Proposal, _runs_of_causes, _together, propose, rated_runs
 from station.diagnosis.planning.run_menu import made_for, run_menu
 from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, Suspects, usual_shapes
 from station.diagnosis.search.distinguishability import nearer_by_error
@@ -240,3 +241,24 @@ def test_a_bench_goes_on_as_it_was_measured_and_not_as_one_exponential_does() ->
     assert rate == pytest.approx(0.02, abs=1e-3)
     late = bench.warmed_degC(since[-1] + bench.line.heating_tau_s * np.array([20.0, 21.0]))
     assert late[1] == pytest.approx(late[0], abs=1e-6)
+    # It may as well be the room's drift, which no power-on begins anew.
+    drifting = replace(bench, goes_on=True)
+    assert drifting.warmed_degC(within) == pytest.approx(bench.warmed_degC(within))
+    assert np.diff(drifting.warmed_degC(since[-1] + np.array([0.0, 600.0]))) == pytest.approx(12.0)
+
+
+def test_one_run_is_planned_on_with_a_room_that_drifts_as_well() -> None:
+    """A chance is that of both benches; several runs say what begins anew with each power-on."""
+    campaign, _ = once_measured(units=1)
+    seen = WarmingBench(since_power_s=np.array([2.0, 9.0]), more_degC_s=np.zeros(2))
+    drifting = replace(campaign, bench=seen).on_drifting_bench
+    assert campaign.on_drifting_bench is None and drifting is not None and drifting.bench.goes_on
+    assert replace(campaign, recipe=recipe(2), bench=seen).on_drifting_bench is None
+    now = PlannedRuns.measured(campaign.recipe)
+    one, other = (
+        Proposal(now, "", 1.0, Promise((), {}, {("a", "b"): chance}), SimulatedChance(round(8 * chance), 8))
+        for chance in (1.0, 0.25)
+    )
+    both = _together(one, other)
+    assert both.chance == SimulatedChance(10, 16)
+    assert both.promise.simulated == {("a", "b"): 0.625}

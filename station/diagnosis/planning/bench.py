@@ -25,31 +25,42 @@ SAME_TIME_S = 0.5
 @dataclass(frozen=True, slots=True, eq=False)
 class WarmingBench:
     """How a bench warms: line, one exponential; beside which at since_power_s (k), ascending, it warms faster by
-    more_degC_s (k), and by less the further it is from these."""
+    more_degC_s (k), and by less the further it is from these. goes_on: whether it warms on as fast as at the last of
+    these, as a room does that drifts."""
 
     line: SimulatedLine = field(default_factory=SimulatedLine)
     since_power_s: Floats = field(default_factory=lambda: np.zeros(0))
     more_degC_s: Floats = field(default_factory=lambda: np.zeros(0))
+    goes_on: bool = False
 
     @property
     def fastest_degC_s(self) -> float:
         """The largest rate, of either sign, at which it was seen to change; of none seen that of the exponential."""
-        line, since = self.line, self.since_power_s if len(self.since_power_s) else np.array([self.line.power_lead_s])
-        rate = line.heating_degC / line.heating_tau_s * np.exp(-since / line.heating_tau_s)
-        return float(np.max(np.abs(rate + (self.more_degC_s if len(self.more_degC_s) else 0.0))))
+        return float(np.max(np.abs(self._rates())))
 
     def warmed_degC(self, since_power_s: Floats) -> Floats:
         """By how much it is warmer than its room (n), so long after power-on; at the first time measured by as much as
         the exponential says."""
-        warmed = self.line.heating_degC * (1 - np.exp(-since_power_s / self.line.heating_tau_s))
-        if not len(self.since_power_s):
-            return np.asarray(warmed)
         known, more = self.since_power_s, self.more_degC_s
+        if not len(known):
+            return self._exponential(since_power_s)
+        if self.goes_on and np.any(since_power_s > known[-1]):
+            seen, late = np.minimum(since_power_s, known[-1]), np.maximum(since_power_s - known[-1], 0.0)
+            return self.warmed_degC(seen) + float(self._rates()[-1]) * late
         within = np.r_[0.0, np.cumsum(np.diff(known) * (more[1:] + more[:-1]) / 2)]
         before, after = (np.maximum(x, 0.0) for x in (known[0] - since_power_s, since_power_s - known[-1]))
         tau = self.line.heating_tau_s
         ends = more[-1] * (1 - np.exp(-after / tau)) - more[0] * (1 - np.exp(-before / tau))
-        return np.asarray(warmed + np.interp(since_power_s, known, within) + tau * ends)
+        return np.asarray(self._exponential(since_power_s) + np.interp(since_power_s, known, within) + tau * ends)
+
+    def _exponential(self, since_power_s: Floats) -> Floats:
+        return np.asarray(self.line.heating_degC * (1 - np.exp(-since_power_s / self.line.heating_tau_s)))
+
+    def _rates(self) -> Floats:
+        """How fast it was seen to warm (k), degC/s; of none seen the exponential's at the beginning of a run (1)."""
+        line, since = self.line, self.since_power_s if len(self.since_power_s) else np.array([self.line.power_lead_s])
+        rate = line.heating_degC / line.heating_tau_s * np.exp(-since / line.heating_tau_s)
+        return np.asarray(rate + (self.more_degC_s if len(self.more_degC_s) else 0.0))
 
 
 def warming_bench_of(scene: Scene) -> WarmingBench:

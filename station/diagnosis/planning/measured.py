@@ -66,6 +66,14 @@ class MeasuredCampaign:
         return replace(self.bench.line, nests=self.nests, wander_degC=0.0)
 
     @property
+    def on_drifting_bench(self) -> "MeasuredCampaign | None":
+        """The same on a bench that goes on as its room drifts; None where several runs say whether it begins anew with
+        each power-on, or where none says how it warms."""
+        if len(self.recipe.runs) > 1 or not len(self.bench.since_power_s):
+            return None
+        return replace(self, bench=replace(self.bench, goes_on=True))
+
+    @property
     def in_one_nest(self) -> bool:
         """Whether nothing was measured in a second nest, and it is known in which one all was."""
         return self.nests == 1 and self.samples is not None and "nest" in self.samples.labels

@@ -111,7 +111,8 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
     if best is None:
         return None
     # What was chosen for its chance is promised by other sets than it was chosen by.
-    told = _simulated(replace(campaign, nests=2) if best.another_nest else campaign, best, lines_up, PROMISED_SETS)
+    where = replace(campaign, nests=2) if best.another_nest else campaign
+    told = _on_both_benches(where, best, lines_up, PROMISED_SETS)
     return replace(told, next_nest=campaign.nests > 1) if told.separates else None
 
 
@@ -121,25 +122,34 @@ def _of_a_nest(lines_up: Sequence[Suspects]) -> bool:
 
 
 def _longer(campaign: MeasuredCampaign, lines_up: Sequence[Suspects], runs: int) -> Proposal | None:
-    """The best of one run up to so many, by simulated diagnoses."""
+    """The best of one run up to so many, by simulated diagnoses; of two benches on that which parts less."""
+    here, other = campaign, campaign.on_drifting_bench
     now, kinds = PlannedRuns.measured(campaign.recipe), list[Run]()
     best: Proposal | None = None
     last: Proposal | None = None
     in_vain = 0
     most = SIMULATED if campaign.units * len(campaign.recipe.positions) <= LARGE_CAMPAIGN else SIMULATED - 1
     for number in range(runs):
-        menu = _Menu(_rated_menu(campaign, now, lines_up, last, kinds), _runs_of_causes(campaign, now, lines_up, last))
+        menu = _Menu(_rated_menu(here, now, lines_up, last, kinds), _runs_of_causes(here, now, lines_up, last))
         least = HOPELESS_CERTAINTY if best is None else best.certainty + LEAST_GAIN / 2
-        last = menu.best_simulated(campaign, lines_up, least, most if number == 0 else most - 1)
+        last = menu.best_simulated(here, lines_up, least, most if number == 0 else most - 1)
         if last is None:
             break
-        now, kinds = last.campaign, kinds or menu.worth_trying()
+        harder = False
+        if other is not None:
+            there = _simulated(other, last, lines_up, CHOOSING_SETS)
+            harder, last = there.certainty < last.certainty - LEAST_GAIN, _together(last, there)
+        now = last.campaign
         if best is None or last.certainty >= best.certainty + LEAST_GAIN:
             best, in_vain = last, 0
         else:
             in_vain += 1
         if best.certainty >= SUFFICIENT_CERTAINTY or in_vain > MOST_IN_VAIN:
             break
+        if harder:
+            here, other, kinds = other or here, here, []
+        elif not kinds:
+            kinds = menu.worth_trying()
     return best
 
 
@@ -212,6 +222,25 @@ def _simulated(
     found = simulated_plan(campaign, proposal.campaign, lines_up, sets, sorted(new))
     promise = replace(proposal.promise, simulated=found.parted)
     return replace(proposal, promise=promise, chance=found.chance)
+
+
+def _on_both_benches(
+    campaign: MeasuredCampaign, proposal: Proposal, lines_up: Sequence[Suspects], sets: SetsToDraw
+) -> Proposal:
+    """The same, of so many in all, half of them where the room drifts, if that may be."""
+    if (drifting := campaign.on_drifting_bench) is None:
+        return _simulated(campaign, proposal, lines_up, sets)
+    half = replace(sets, count=sets.count // 2)
+    return _together(*(_simulated(where, proposal, lines_up, half) for where in (campaign, drifting)))
+
+
+def _together(one: Proposal, other: Proposal) -> Proposal:
+    """A proposal with the chance that as many simulated diagnoses on each of two benches give it."""
+    assert one.chance is not None and other.chance is not None
+    chance = SimulatedChance(one.chance.right + other.chance.right, one.chance.sets + other.chance.sets)
+    pairs = one.promise.simulated.keys() & other.promise.simulated.keys()
+    parted = {pair: (one.promise.simulated[pair] + other.promise.simulated[pair]) / 2 for pair in sorted(pairs)}
+    return replace(one, promise=replace(one.promise, simulated=parted), chance=chance)
 
 
 def best_proposal(found: Sequence[Proposal]) -> Proposal | None:
