@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from station.diagnosis.search.alarm import UNKNOWN_NATS
-from station.diagnosis.search.chain_starts import first_of_chains, parts_of_cause
+from station.diagnosis.candidates.kernels import KERNEL_NAMES
+from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS
+from station.diagnosis.search.chain_starts import MAX_STARTS, first_of_chains, parts_of_cause
 from station.diagnosis.search.finding import KERNEL_MARGIN, CauseFinding
 from station.diagnosis.search.problem import marginal_nats
-from station.diagnosis.search.rank import RankedCause, leaders
+from station.diagnosis.search.rank import OCCAM_NATS, RankedCause, causes_of, leaders
 from station.diagnosis.search.search_state import EVIDENT_NATS, MAX_REPEATS, CauseSearch, SearchState
 
 #: Causes that are tried together against a kernel, and what it costs to choose one more, in nats: one of twenty.
@@ -23,24 +24,30 @@ KnownCauses = tuple[tuple[str, str, str], ...]
 def in_parts(
     search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], cause: RankedCause, before: Sequence[str]
 ) -> Chain:
-    """The cause, or several causes of few numbers that together explain more than one of many does alone."""
+    """The cause, or several causes of few numbers that together explain more than one of many, or more scatter, does
+    alone. Where it leaves something, what follows it counts with it: an error of each position does what a turned
+    package does, and of a scatter of every visit as much as it can."""
     accepted = search.accepted(state, ranks, cause)
-    parts = parts_of_cause(state.problem, ranks, cause)
-    if not parts or accepted[1].alarms:
+    is_scatter = cause.best is None
+    parts = _evident(ranks) if is_scatter else parts_of_cause(state.problem, ranks, cause)
+    if not parts:
         return [accepted]
+    whole = chain_from(search, cause, state, ranks, before, set())[1] if accepted[1].alarms else [accepted]
     # A cause that is known already is no other part.
-    never_again = [*before, *before, *[cause.name] * MAX_REPEATS]
+    never_again = before if is_scatter else [*before, *before, *[cause.name] * MAX_REPEATS]
     reached, new = set[KnownCauses](), [first for first in parts if first.name not in before]
-    tried = [chain_from(search, first, state, ranks, never_again, reached) for first in new]
-    simpler = [
-        (value, found)
-        for value, found in tried
-        if not found[-1][1].alarms and sum(f.numbers for f, _ in found) <= accepted[0].numbers
-    ]
-    value, found = max(simpler, default=(-np.inf, []), key=lambda pair: pair[0])
-    if value > cause.evidence:
+    tried = [found for first in new if (found := chain_from(search, first, state, ranks, never_again, reached)[1])]
+    # A scatter has one number, and follows nothing.
+    most = np.inf if is_scatter else sum(f.numbers for f, _ in whole)
+    simpler = [found for found in tried if not found[-1][1].alarms and sum(f.numbers for f, _ in found) <= most]
+    found = max(simpler, default=[], key=_whole_nats)
+    if not found:
+        return [accepted]
+    start = marginal_nats(state.problem)
+    ahead = _whole_nats(found) - start - (_with_kernel(whole) - start)
+    if ahead > -KERNEL_MARGIN * (_with_kernel(whole) - start) * whole[-1][1].alarms:
         return found
-    return [(accepted[0].beside(value - cause.evidence), accepted[1])]
+    return [(accepted[0].beside(ahead), accepted[1])]
 
 
 def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCause], before: Sequence[str]) -> Chain:
@@ -88,10 +95,18 @@ def chain_from(
         ranks = search.ranks(state, [*before, *(f.name for f, _ in found)])
         best, rival = leaders(ranks)
         left = 0.0 if rival is None else max(rival.evidence, 0.0)
-        if best is None or best.evidence < EVIDENT_NATS or len(found) == MAX_CHAIN:
+        # Scatter needs no column that noise could follow: that it alarms is enough.
+        least = EXPLAINS_NATS if best is not None and best.best is None else EVIDENT_NATS
+        if best is None or best.evidence < least or len(found) == MAX_CHAIN:
             return total + left - CHOICE_NATS, found
         cause = best
     return -np.inf, found
+
+
+def _evident(ranks: Mapping[str, RankedCause]) -> list[RankedCause]:
+    """The causes that are evident beside no other, the most evident first."""
+    evident = [r for r in causes_of(ranks) if r.best is not None and r.evidence > EVIDENT_NATS]
+    return sorted(evident, key=lambda r: -r.evidence)[:MAX_STARTS]
 
 
 def _is_of_different_causes(found: Chain) -> bool:
@@ -99,8 +114,19 @@ def _is_of_different_causes(found: Chain) -> bool:
 
 
 def _whole_nats(found: Chain) -> float:
-    """How likely the readings are with all causes of a chain known, each further one being one more choice."""
-    return marginal_nats(found[-1][1].problem) - CHOICE_NATS * len(found)
+    """How likely the readings are with all causes of a chain known, each further one being one more choice; with the
+    scatter that would still go with them, because one chain stops at what another has to name."""
+    problem = found[-1][1].problem
+    scatters = sum(f.accepted is None for f, _ in found)
+    more = max((grown.gain for grown in problem.grown_floors.values()), default=0.0) - OCCAM_NATS - CHOICE_NATS
+    return marginal_nats(problem) - CHOICE_NATS * len(found) - OCCAM_NATS * scatters + max(more, 0.0)
+
+
+def _with_kernel(found: Chain) -> float:
+    """The same, with what a kernel still explains where something is left."""
+    left = found[-1][1]
+    kernel = max((e for name, e in left.evidence.items() if name in KERNEL_NAMES), default=0.0)
+    return _whole_nats(found) + (kernel - CHOICE_NATS - UNKNOWN_NATS) * left.alarms
 
 
 def _key(cause: RankedCause) -> tuple[str, str, str]:
