@@ -109,3 +109,12 @@ def test_labels_of_a_flight_are_no_poses(rng: np.random.Generator, tmp_path: Pat
     path = tmp_path / "flight.csv"
     path.write_text("state,t,ax,ay,az\n" + "\n".join(rows) + "\n", encoding="utf-8")
     assert "looks like driving or handling" in refused(capsys, str(path))
+
+
+def test_rows_that_stand_still_before_the_sensor_answers_are_no_end_of_its_range(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Zeros and a first guess of gravity, which is more than the sensor ever reads on that axis."""
+    y = np.round(np.r_[np.tile([0.0, 0.0, 1.05], (400, 1)), tumble(rng)], 5)
+    one = understood(capsys, saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az"))
+    check(one, full_scale=None, rate_hz=100.0)

@@ -89,18 +89,32 @@ def step_of(column: Floats) -> float:
 def full_scale_of(reading: Floats, visit: Array, lsb: Floats, noise: Floats) -> float | None:
     """The magnitude at which readings (n, 3) are cut off; None where they are not.
 
-    A visit most of whose readings are the very greatest (or least) that the axis ever shows, while others scatter.
+    A visit most of whose readings are the very greatest (or least) that the axis ever shows, while others scatter; not
+    one in which all axes stand still, and not all at an end: the sensor froze there.
     """
+    awake = ~_frozen(reading, visit)
     found = [
         abs(float(end))
         for i in range(3)
         for end in (reading[:, i].max(), reading[:, i].min())
-        if noise[i] > lsb[i] and end != 0 and _flat(reading[:, i], visit, float(end))
+        if noise[i] > lsb[i] and end != 0 and _flat(reading[awake, i], visit[awake], float(end))
     ]
     return max(found) if found else None
 
 
+def _frozen(reading: Floats, visit: Array) -> NDArray[np.bool_]:
+    """Which readings (n) are of a visit in which all axes stand still, and not all at an end of theirs."""
+    begin = np.flatnonzero(np.r_[True, np.diff(visit) != 0])
+    length = np.diff(np.r_[begin, len(visit)])
+    first = reading[begin]
+    still = np.logical_and.reduceat((reading == np.repeat(first, length, axis=0)).all(axis=1), begin)
+    at_end = ((first == reading.max(axis=0)) | (first == reading.min(axis=0))).all(axis=1)
+    return np.asarray(np.repeat(still & ~at_end, length))
+
+
 def _flat(column: Floats, visit: Array, end: float) -> bool:
+    if not len(column):
+        return False
     begin = np.flatnonzero(np.r_[True, np.diff(visit) != 0])
     counts = np.diff(np.r_[begin, len(visit)])
     share = np.add.reduceat(column == end, begin) / counts
