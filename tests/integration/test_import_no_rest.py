@@ -118,3 +118,25 @@ def test_rows_that_stand_still_before_the_sensor_answers_are_no_end_of_its_range
     y = np.round(np.r_[np.tile([0.0, 0.0, 1.05], (400, 1)), tumble(rng)], 5)
     one = understood(capsys, saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az"))
     check(one, full_scale=None, rate_hz=100.0)
+
+
+def test_a_gyroscope_is_told_of_spins_and_not_of_poses(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    stamps, noise = np.arange(900) / 100, 0.002 * rng.standard_normal((900, 3))
+    header = "t,gyro_x,gyro_y,gyro_z"
+    said = refused(capsys, saved(tmp_path / "still.csv", np.c_[stamps, noise], header=header))
+    assert "tells a gyroscope's offset and none of its gains" in said
+    swing = np.where(stamps < 2, 0.0, 90 * np.sin(2 * np.pi * 0.4 * stamps))[:, None]
+    waved = np.c_[stamps, swing + noise]
+    assert "not as in the spins of a gyroscope" in refused(capsys, saved(tmp_path / "waved.csv", waved, header=header))
+
+
+def test_of_two_columns_called_time_the_one_that_counts_rows_is_none(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = tumble(rng, 200.0)
+    stamps = np.cumsum(rng.uniform(0.004, 0.006, len(y)))
+    rows = np.c_[y, np.arange(len(y)), stamps]
+    path = saved(tmp_path / "a.csv", rows, header="ax,ay,az,Arduino Time,Computer time")
+    check(understood(capsys, path), rate_hz=200.0, time_unit="s", visits=8)

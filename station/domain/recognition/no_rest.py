@@ -26,6 +26,8 @@ def error_of(recording: Recording) -> SamplesError:
             return SamplesError("axis-goes-on", file=file, axis=name)
     if recording.unit == "g" and are_without_gravity(recording):
         return SamplesError("linear-acceleration", file=file, axes=recording.axes)
+    if recording.unit == "deg/s":
+        return SamplesError("no-spins", file=file, rest_percent=0.0)
     return SamplesError("never-at-rest", file=file, duration_s=duration_s)
 
 

@@ -230,11 +230,13 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     size = float(np.median(np.linalg.norm(means, axis=1)))
     if recording.unit == "g" and size < LEAST_GRAVITY_G:
         raise SamplesError("no-gravity", file=recording.source, size=size)
+    gyroscope = recording.unit == "deg/s"
     if len(edges) == 1 and share >= LEAST_REST:
-        raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
+        what = "one-rate-only" if gyroscope else "one-rest-only"
+        raise SamplesError(what, file=recording.source, rest_s=share * float(recording.time_s[-1]))
     poses = int(rest_segments.orientations(means).max()) + 1
     pushed = recording.unit == "g" and poses < visits.LEAST_POSES and _lengths_apart(means) > PUSHED * size
-    comes_back = poses == 1 and recording.unit != "deg/s" and share < LEAST_REST_IN_ONE
+    comes_back = poses == 1 and not gyroscope and share < LEAST_REST_IN_ONE
     # Nothing but their size says that they are a field.
     by_size = recording.unit == "uT" and recording.scale.inferred and not _named_a_field(recording)
     if comes_back and share >= LEAST_REST:
@@ -245,6 +247,8 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
         or (by_size and poses < LEAST_OF_A_FIELD)
         or (share < LEAST_REST and (poses < LEAST_ORIENTATIONS or pushed))
     ):
+        if gyroscope:
+            raise SamplesError("no-spins", file=recording.source, rest_percent=100 * share)
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
 
 

@@ -27,7 +27,7 @@ def find(table: RawTable, assigned: set[int | None]) -> int | None:
     named = [i for i in free if table.named and NAMES.search(table.columns[i].name)]
     rising = [i for i in named if _rises(table.columns[i].values)]
     if rising:
-        return min(rising, key=lambda i: (is_counter(table.columns[i], named=True), _coarseness(table.numbers(i))))
+        return min(rising, key=lambda i: _unlikeness(table, i))
     if named:
         return named[0]
     in_time = [i for i in free if table.columns[i].unit in TIME_UNITS and _rises(table.columns[i].values)]
@@ -71,6 +71,13 @@ def counter(table: RawTable, assigned: list[int]) -> int | None:
     free = [i for i in table.numeric() if i not in assigned and table.named]
     found = [i for i in free if _COUNTER.search(table.columns[i].name) and _rises(table.columns[i].values)]
     return found[0] if found else None
+
+
+def _unlikeness(table: RawTable, place: int) -> tuple[bool, bool, float]:
+    """What speaks against a rising column that is named so: that it counts, by its name or from row to row, and that
+    it stands still."""
+    column = table.columns[place]
+    return is_counter(column, named=True), is_counter(column, named=False), _coarseness(table.numbers(place))
 
 
 def _coarseness(values: Floats) -> float:
