@@ -115,7 +115,7 @@ def test_rows_that_stand_still_before_the_sensor_answers_are_no_end_of_its_range
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:
     """Zeros and a first guess of gravity, which is more than the sensor ever reads on that axis."""
-    y = np.round(np.r_[np.tile([0.0, 0.0, 1.05], (400, 1)), tumble(rng)], 5)
+    y = np.asarray(np.round(np.r_[np.tile([0.0, 0.0, 1.05], (400, 1)), tumble(rng)], 5), float)
     one = understood(capsys, saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az"))
     check(one, full_scale=None, rate_hz=100.0)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from station.domain.core.types import Floats, SampleTable
+from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.messages import Message
 
@@ -14,7 +14,7 @@ LEAST_DEG = 3.0
 MOST_LEFT = 0.5
 
 
-def remarks(recipe: Recipe, table: SampleTable, begin: Floats, mean: Floats, unit: Floats) -> Iterator[Message]:
+def remarks(recipe: Recipe, table: SampleTable, begin: Array, mean: Floats, unit: Array) -> Iterator[Message]:
     """A remark where the means (v, 3) of visits that begin at rows (v), of units (v), show another direction of the
     field, in the station's frame and beside an offset of each unit: mean = Rᵀ·field + offset, by least squares."""
     stated = recipe.reference.vector
@@ -35,7 +35,7 @@ def remarks(recipe: Recipe, table: SampleTable, begin: Floats, mean: Floats, uni
         yield Message("field-points-elsewhere", field=here, stated=there, unit=recipe.unit, degrees=degrees)
 
 
-def _turns(recipe: Recipe, table: SampleTable, begin: Floats) -> Floats:
+def _turns(recipe: Recipe, table: SampleTable, begin: Array) -> Floats:
     """From the station's frame to the device's (v, 3, 3)."""
     rows = np.asarray(begin, np.intp)
     seated = table.labels.get("seating")
@@ -46,7 +46,7 @@ def _turns(recipe: Recipe, table: SampleTable, begin: Floats) -> Floats:
     return np.array([(p @ s).T for p, s in zip(places, seats, strict=True)])
 
 
-def _left(rest: Floats, unit: Floats) -> float:
+def _left(rest: Floats, unit: Array) -> float:
     """Root mean square of what is left (v, 3) about each unit's own mean."""
     within = rest - np.array([rest[unit == u].mean(axis=0) for u in unit])
     return float(np.sqrt(np.mean(within**2)))
