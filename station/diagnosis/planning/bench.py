@@ -46,7 +46,7 @@ class WarmingBench:
             return self._exponential(since_power_s)
         if self.goes_on and np.any(since_power_s > known[-1]):
             seen, late = np.minimum(since_power_s, known[-1]), np.maximum(since_power_s - known[-1], 0.0)
-            return self.warmed_degC(seen) + float(self._rates()[-1]) * late
+            return np.asarray(self.warmed_degC(seen) + float(self._rates()[-1]) * late)
         within = np.r_[0.0, np.cumsum(np.diff(known) * (more[1:] + more[:-1]) / 2)]
         before, after = (np.maximum(x, 0.0) for x in (known[0] - since_power_s, since_power_s - known[-1]))
         tau = self.line.heating_tau_s
