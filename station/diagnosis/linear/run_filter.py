@@ -136,6 +136,11 @@ class RunFilter:
             rows[:, :, b] += observed[:, :, b] @ walk
         return self._joined(root @ rows)
 
+    def log_variances(self) -> Array:
+        """Logarithms of the innovations' variances (U, R, m), which add up to the log-determinant of a run's floor."""
+        logs = -2 * np.log(np.einsum("cbii->cbi", self.inverse)).reshape(len(self.inverse), -1)
+        return np.asarray(logs[:, : self.rows][self.member])
+
     def later_information(self) -> Floats:
         """N (classes, B, 3, 3): the information of all later blocks on the walk after each (de Jong, Biometrika 76
         (1989) 275): N = seenᵀ·observed + (I − gain·observed)ᵀ·N⁺·(I − gain·observed) for the block before."""

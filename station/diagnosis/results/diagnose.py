@@ -25,6 +25,7 @@ from station.diagnosis.search.finding import CauseFinding
 from station.diagnosis.search.fleet_search import search_by_sample
 from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together
 from station.diagnosis.search.problem import FloorAllowance, initial_problem, with_model
+from station.diagnosis.search.scatter_gain import scatter_gain
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.search_state import CauseSearch, LawAlone, NullFactory
 from station.domain.core.types import Floats, SampleTable
@@ -203,7 +204,8 @@ def _causes(
             continue
         if finding.accepted is None:
             if _still_exceeds_allowance(finding, searched, floor):
-                out.append(_cause(finding, None, _floor_gain(finding, residual_rms(last))))
+                gain = scatter_gain(last, finding.name, searched.first.upper, residual_rms(last))
+                out.append(_cause(finding, None, gain))
             continue
         out.append(_cause(finding, sized[consumed], _gain(last, before, before + consumed, floor.floor)))
         consumed += 1
@@ -247,12 +249,6 @@ def _still_exceeds_allowance(finding: CauseFinding, searched: SearchResult, floo
     """Whether a variance of the floor still exceeds what a healthy rig may have, with every cause known."""
     part = 1 if finding.name == "repeatability" else 2
     return bool(floor.floor.variances[part] > searched.first.upper[part])
-
-
-def _floor_gain(finding: CauseFinding, rms: float) -> HeldOutGain:
-    """A variance explains no reading: it gains likelihood, not rms."""
-    nats = finding.evidence[finding.name]
-    return HeldOutGain("visit", rms, rms, 0.0, nats, float(np.sqrt(2 * max(nats, 0.5))))
 
 
 def residual_rms(problem: ScoringProblem) -> float:

@@ -86,7 +86,7 @@ def gain_together(problem: ScoringProblem, which: Sequence[int], floor: NoiseFlo
     test = _HeldOutTest(bare, bare.with_accepted([*bare.accepted, *fresh]), len(fresh), floor, moving=moving)
     score = np.zeros(problem.view.grid.slot.shape)
     squares, rows, moved = np.zeros(2), 0.0, np.zeros(score.shape)
-    for held in _folds(problem, by):
+    for held in folds(problem, by):
         both = test.split_by_noise(held) if by == "sample" else test.predicted(held)
         score += both[0].half_squares - both[1].half_squares
         squares += [p.raw for p in both]
@@ -131,7 +131,7 @@ def _held_out_by(problem: ScoringProblem, item: AcceptedCause) -> str:
     return "unit" if shared else "visit"
 
 
-def _folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
+def folds(problem: ScoringProblem, by: str) -> Iterator[Floats]:
     """Which visits (U, R, V) are held out, 1, in turn."""
     slot = problem.view.grid.slot
     U, R, V = slot.shape
