@@ -8,6 +8,7 @@ from station.diagnosis.candidates.nuisance import nuisance_of
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.data.residuals import initial_view
 from station.diagnosis.linear.noise_floor import covariance_root
+from station.diagnosis.linear.projection import _orthonormal
 from station.diagnosis.results.blind_spots import BlindSpots
 from station.diagnosis.search.problem import FloorAllowance, initial_problem
 from station.domain.core.types import Floats
@@ -63,3 +64,15 @@ def test_nothing_is_advised_for_what_a_gyroscope_does_not_feel() -> None:
     assert not {"base-tilt", "lever-arm"} & set(spots.causes)
     assert not {"base-tilt", "lever-arm", "local-gravity"} & set(found.not_testable)
     assert not any("level" in remedy for remedy in spots.remedies)
+
+
+def test_a_short_shared_column_is_none_of_a_long_one() -> None:
+    """A turn of 100 deg/s is a hundred thousand noises long, what goes round the table one: both are known."""
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((2, 8, 3)) * [1e5, 1.0, 1e-3]
+    basis, logdet = _orthonormal(columns)
+    assert basis.shape[-1] == 3
+    np.testing.assert_allclose(logdet, np.linalg.slogdet(np.einsum("umi,umj->ij", columns, columns))[1], rtol=1e-9)
+    twice, same = _orthonormal(columns[..., [0, 1, 2, 1]] * [1.0, 1.0, 1.0, 0.0])
+    assert twice.shape[-1] == 3
+    np.testing.assert_allclose(same, logdet, rtol=1e-9)
