@@ -67,6 +67,10 @@ def chain(search: CauseSearch, state: SearchState, ranks: Mapping[str, RankedCau
     # One that comes twice makes up for what its first size missed.
     likely = max(quiet, key=lambda pair: (_is_of_different_causes(pair[1]), _whole_nats(pair[1])), default=None)
     value, found = likely or max(tried, key=lambda pair: pair[0], default=(0.0, []))
+    if likely and len(found) > 1 and not any(_is_picked(f) for f, _ in found):
+        # Nor is it kind to the first of two causes that each look like noise beside the other. That which visits were
+        # picked out of many is a choice, too, only their evidence knows.
+        value = max(value, _known_nats(found) - marginal_nats(state.problem))
     # Where a kernel is still needed in the end, the causes must have paid as an unknown would have to. Where
     # nothing is left, the kernel must beat them by its share, as it must beat a single cause.
     margin = UNKNOWN_NATS if found and found[-1][1].alarms else -KERNEL_MARGIN * value
@@ -113,13 +117,21 @@ def _is_of_different_causes(found: Chain) -> bool:
     return len({f.name for f, _ in found}) == len(found)
 
 
+def _is_picked(finding: CauseFinding) -> bool:
+    return finding.accepted is not None and finding.accepted.candidate.pattern == "scan"
+
+
 def _whole_nats(found: Chain) -> float:
-    """How likely the readings are with all causes of a chain known, each further one being one more choice; with the
-    scatter that would still go with them, because one chain stops at what another has to name."""
-    problem = found[-1][1].problem
+    """The same with the scatter that would still go with them, because one chain stops at what another has to name."""
+    grown = found[-1][1].problem.grown_floors.values()
+    more = max((floor.gain for floor in grown), default=0.0) - OCCAM_NATS - CHOICE_NATS
+    return _known_nats(found) + max(more, 0.0)
+
+
+def _known_nats(found: Chain) -> float:
+    """How likely the readings are with all causes of a chain known, each further one being one more choice."""
     scatters = sum(f.accepted is None for f, _ in found)
-    more = max((grown.gain for grown in problem.grown_floors.values()), default=0.0) - OCCAM_NATS - CHOICE_NATS
-    return marginal_nats(problem) - CHOICE_NATS * len(found) - OCCAM_NATS * scatters + max(more, 0.0)
+    return marginal_nats(found[-1][1].problem) - CHOICE_NATS * len(found) - OCCAM_NATS * scatters
 
 
 def _with_kernel(found: Chain) -> float:
