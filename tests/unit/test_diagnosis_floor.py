@@ -16,8 +16,10 @@ from station.model.effects.bias_walk import BiasWalk
 from station.model.model_file import Model
 from station.model.simulate import SimulationJob, parse_effects, simulate
 from station.model.timeline import noise_density_of
+from tests.blind.bench import hide
 from tests.blind.inspection import diagnosis_of
-from tests.blind.recipes import recipe
+from tests.blind.recipes import recipe, six_faces
+from tests.blind.test_placed_by_hand import skewed_and_square
 
 UNITS, RUNS, STOPS, K = 4, 3, 24, 3
 
@@ -65,6 +67,17 @@ def test_the_estimate_is_unbiased_and_its_deviation_covers(variances: tuple[floa
     # Twelve campaigns; at the border 0 an estimate can only be too large.
     allowed = 4 * np.mean(std, axis=0) / np.sqrt(12) + 0.6 * np.mean(std, axis=0) * (true == 0)
     assert np.all(np.abs(error) < allowed)
+
+
+def test_the_best_floor_is_found_from_wherever_the_search_begins() -> None:
+    """A start at the bounds, in noise that is far too large, led off the box, and the cut step no way up."""
+    table, _ = hide(six_faces("listed"), skewed_and_square, 1, units=5)
+    problem = initial_problem(reduce_samples(six_faces("listed"), table), FloorAllowance())
+    best, most = problem.fit(), np.sqrt(problem.upper[1:])
+    for noise in (0.1, 1.0, 2.0, 10.0):
+        for turn, walk in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            start = floors.NoiseFloor(noise * best.floor.noise, turn * float(most[0]), walk * float(most[1]))
+            assert problem.fit(start).space.loglik == pytest.approx(best.space.loglik, abs=1e-2)
 
 
 def test_a_floor_asked_for_again_is_the_one_made_before(monkeypatch: pytest.MonkeyPatch) -> None:

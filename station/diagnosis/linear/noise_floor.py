@@ -29,6 +29,8 @@ CONVERGED_NATS = 2e-5
 UNTOLD = 1e-9
 #: Added to each diagonal element of their covariance, as a share of it, so that it has a root.
 ROUNDING = 1e-12
+#: Times that each variance is taken to its best beside the others, where Newton's step leaves the bounds.
+BOX_SWEEPS = 12
 #: Triangular matrices whose halves have fewer rows are inverted whole.
 FEW_ROWS = 18
 #: Sums up to each of more visits are made one by one: a matrix costs their square.
@@ -296,7 +298,7 @@ def fit(
     for _ in range(30):
         slope, information = newton(parts, now)
         held = ~free | ((var <= lower) & (slope < 0)) | ((var >= upper) & (slope > 0))
-        step = _step(slope, information, held)
+        step = _step(slope, information, held, lower - var, upper - var)
         # What a step promises: half of the slope along it.
         if 0.5 * float(slope @ step) < CONVERGED_NATS:
             break
@@ -346,14 +348,24 @@ def _moved(parts: FloorStructure, now: ResidualSpace, residual: Floats) -> tuple
     return moved, now.free(moved), np.asarray(known)
 
 
-def _step(slope: Floats, information: Floats, held: NDArray[np.bool_]) -> Floats:
-    """Newton's step in the variances that are not held."""
+def _step(slope: Floats, information: Floats, held: NDArray[np.bool_], least: Floats, most: Floats) -> Floats:
+    """Newton's step in the variances that are not held, or the best one between least and most where it goes beyond:
+    cut off there, it need not lead up."""
     step = np.zeros(3)
     go = ~held
-    if go.any():
-        scale = 1 / np.sqrt(np.maximum(np.diag(information)[go], 1e-300))
-        normal = information[np.ix_(go, go)] * np.outer(scale, scale) + 1e-9 * np.eye(int(go.sum()))
-        step[go] = scale * np.linalg.solve(normal, slope[go] * scale)
+    if not go.any():
+        return step
+    scale = 1 / np.sqrt(np.maximum(np.diag(information)[go], 1e-300))
+    normal = information[np.ix_(go, go)] * np.outer(scale, scale) + 1e-9 * np.eye(int(go.sum()))
+    step[go] = scale * np.linalg.solve(normal, slope[go] * scale)
+    if np.all((least <= step) & (step <= most)):
+        return step
+    # The quadratic has one maximum in the box, which one variance after the other comes to.
+    step = np.clip(step, least, most)
+    for _ in range(BOX_SWEEPS):
+        for i in np.flatnonzero(go & (np.diag(information) > 0)).tolist():
+            to_best = (slope[i] - information[i] @ step) / information[i, i]
+            step[i] = min(max(step[i] + to_best, least[i]), most[i])
     return step
 
 
