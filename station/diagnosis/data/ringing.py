@@ -161,7 +161,9 @@ class RingingSearch:
 
     def _explained(self, waves: Floats, sigma: Floats) -> Floats:
         """Half the squares (w), in noises, of what the moves leave that waves (w, s, 2) explain."""
-        left = self._left / np.maximum(sigma * np.sqrt(self._moved / self.averaged), 1e-300)
+        noise = sigma * np.sqrt(self._moved / self.averaged)
+        # An axis that always reads the same, or never moves, tells nothing.
+        left = np.where(noise > 0, self._left / np.where(noise > 0, noise, 1.0), 0.0)
         return np.asarray(0.5 * np.sum(np.einsum("wsk,si->wki", waves, left) ** 2, axis=(1, 2)))
 
     def _strongest(self, dwells: MovedDwells, sigma: Floats, beside: int | None) -> "_Wave | None":

@@ -66,13 +66,14 @@ def suspects_of_all(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> lis
 def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
     """The found cause, and each of the others as it would have to be to look like it so far."""
     plan = campaign.gone_on(PlannedRuns.measured(campaign.recipe))
-    found = axes_of(plan, tie.found, usual_candidates(plan, tie.found.effect.id))
+    own = usual_candidates(plan, tie.found.effect.id)
+    found = axes_of(plan, tie.found, own)
     # The strength found is freed of what noise adds to a size, and is that of all units.
     known = np.isfinite(tie.d) and found.length > 0
-    head = replace(tie.found, size=tie.d / found.length) if known else tie.found
+    head = replace(tie.found, size=_size_of(tie.d, found, _most(own))) if known else tie.found
     strength = head.size * found.length
     numbers = [found.m.size]
-    out = [_likely_shapes(head, found, usual_candidates(plan, head.effect.id), strength)]
+    out = [_likely_shapes(head, found, own, strength)]
     for other in tie.others:
         every = [*(usual := usual_candidates(plan, other)), *shaped_like(plan, usual, tie.found.effect)]
         if every:
@@ -80,7 +81,8 @@ def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
             like, axes = min(every, key=lambda pair: (round(distinct_share(found, pair[1]), 1), pair[1].m.shape[-1]))
             effect = like.effect or library_effect(plan, other)
             assert effect is not None
-            alike = CauseHypothesis(effect, like.of, _size_of(strength, axes), free=like.effect is None)
+            size = _size_of(strength, axes, _most(every))
+            alike = CauseHypothesis(effect, like.of, size, free=like.effect is None)
             out.append(_likely_shapes(alike, found, every, strength))
             numbers.append(axes.m.size)
     names = tuple(shapes[0].effect.id for shapes in out)
@@ -105,13 +107,18 @@ def _likely_shapes(
     near.sort(key=lambda shape: [float(getattr(shape[1], p.field)) for p in suspect.effect.forms])
     near = near[:: max(-(-len(near) // MOST_SHAPES), 1)]
     total = sum(w for w, _, _ in near) + top
-    others = [CauseHypothesis(e, suspect.of, _size_of(strength, axes), w / total) for w, e, axes in near]
+    others = [CauseHypothesis(e, suspect.of, _size_of(strength, axes, _most(every)), w / total) for w, e, axes in near]
     return (replace(suspect, share=1.0 - sum(other.share for other in others)), *others)
 
 
-def _size_of(strength: float, axes: SignatureAxes) -> float:
-    """The size at which a cause is so strong."""
-    return strength / axes.length if axes.length > 0 else 0.0
+def _size_of(strength: float, axes: SignatureAxes, most: float) -> float:
+    """The size at which a cause is so strong, or the largest that is thinkable where these data hardly show it."""
+    return min(strength / axes.length, most) if axes.length > 0 else 0.0
+
+
+def _most(every: Sequence[CandidateAxes]) -> float:
+    """The largest thinkable size of a cause in all its shapes."""
+    return max((c.most for c, _ in every if c.effect is not None), default=np.inf)
 
 
 def usual_candidates(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:

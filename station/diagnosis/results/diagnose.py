@@ -102,7 +102,8 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     inspected = inspect(recipe, cut.table)
     input_checks.check_unclipped(table, inspected.table)
     reduced = reduce_samples(recipe, inspected.table)
-    inspected = replace(inspected, as_measured=not inspected.faults and cut.as_it_came)
+    whole = cut.as_it_came and len(inspected.table) == len(cut.table)
+    inspected = replace(inspected, as_measured=not inspected.faults and whole)
     gold = gold_directions(recipe, inspected.table)
     return diagnose_reduced(recipe, SampleSource.of(table), inspected, reduced, model, null_of, gold)
 

@@ -26,6 +26,8 @@ ALIKE, MOST_KINDS = 0.05, 7
 DWELL_ROUNDS, SAMPLE_ROUNDS, LINE_ROUNDS = 12, 20, 3
 #: Noises of a sample that a bit weighs if it moves a mean at all, and if samples lie on one side or the other.
 LEAST_WEIGHT, APART = 1.0, 4.0
+#: Noise of a sample, beside what the bit weighs, below which less tells nothing more.
+LEAST_NOISE = 1e-3
 #: Of the density at a dwell's mean, that of any sample far away; and twice the nats from which samples settle it.
 STRAY_DENSITY, PLAIN = 1e-3, 16.0
 #: Dwells that lie further, beside the weight, from where they should with and without it follow no pose that is known.
@@ -44,11 +46,11 @@ class Dwells(NamedTuple):
     size: float
 
     def noise(self, axis: int, shift: float) -> float:
-        """Noise of a sample of an axis, of which some are shifted."""
+        """Noise of a sample of an axis, of which some are shifted: of what always reads the same hardly any."""
         step = np.diff(self.reading[:, axis])[self.where[1:] == self.where[:-1]]
         apart = np.abs(step - shift * np.round(step / shift))
         plain, folded = (float(np.median(x)) / MAD_PER_SIGMA / 2**0.5 if len(x) else 0.0 for x in (np.abs(step), apart))
-        return folded if abs(shift) > APART * folded else plain
+        return max(folded if abs(shift) > APART * folded else plain, LEAST_NOISE * abs(shift))
 
     def mean(self, axis: int, shift: float) -> Floats:
         """Means (v) of an axis; where samples are parted in two, one part is laid on that with the median in it."""

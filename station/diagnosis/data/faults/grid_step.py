@@ -17,6 +17,8 @@ from station.domain.recognition.distinct_values import distinct
 
 #: A grid so many times as coarse as promised is a fault; powers of two are the usual case.
 COARSE_FACTOR = 1.5
+#: Levels that the faces of a cube make, six of them unlike.
+FEW_LEVELS = 6
 #: Share of a step by which a value may lie beside the grid: text of six digits does.
 OFF_GRID_SHARE = 0.02
 #: Values that differ by less than this share of their size are one, written twice.
@@ -51,6 +53,13 @@ def _is_fine(reading: Floats, promised: float) -> bool:
     return bool(np.any(near & (apart > SAME * np.maximum(size, 1e-30))))
 
 
+def _axes_with_steps(reading: Floats, visit: NDArray[np.intp]) -> list[int]:
+    """The axes that show the steps of their output: they step within a dwell, or have more levels than a few faces make
+    of a part without noise. Minus, none and plus one g lie at equal distances on any grid."""
+    steps = np.diff(reading, axis=0)[np.diff(visit) == 0] != 0
+    return [i for i in range(3) if steps[:, i].any() or len(distinct(reading[:, i])) > FEW_LEVELS]
+
+
 def steps_of_units(table: SampleTable, promised: float, found: list[GrossFault]) -> Floats:
     """The step of each unit's output (U): as promised, or as coarse as was found."""
     coarse = {n.of: float(n.value) for f in found if f.effect == "quantization" for n in f.numbers}
@@ -67,8 +76,9 @@ def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[
         rows = table.reading[of]
         if _is_fine(rows, promised):
             continue
-        steps = [step_of(rows[:, i]) for i in range(3)] if len(rows) else [0.0]
-        if min(steps) > COARSE_FACTOR * promised:
+        shown = _axes_with_steps(rows, visit[of]) if len(rows) else []
+        steps = [step_of(rows[:, i]) for i in shown]
+        if min(steps, default=0.0) > COARSE_FACTOR * promised:
             found[u] = float(np.median(steps)), len(rows)
     if not found or (len(found) == len(table.unit.names) and not states_step(recipe)):
         return []
