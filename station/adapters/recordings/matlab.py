@@ -47,7 +47,7 @@ def _columns_of_objects(path: Path) -> dict[str, Array]:
     from scipy.io.matlab import MatReadError
 
     try:
-        return matlab_objects.columns_of(path.read_bytes())
+        return matlab_objects.columns_of_tables(path.read_bytes())
     except (*_CORRUPT, MatReadError, zlib.error):
         return {}
 

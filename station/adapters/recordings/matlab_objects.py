@@ -56,7 +56,7 @@ class _Subsystem:
         return {field: getattr(whole, field) for field in fields} if fields else found
 
 
-def columns_of(content: bytes) -> dict[str, Array]:
+def columns_of_tables(content: bytes) -> dict[str, Array]:
     """Numbers (n) or (n, columns) by `variable.column` of the tables and timetables in a file of version 5 or 7; times
     in s. Nothing where there are none. Errors: ValueError, IndexError, TypeError, KeyError of what is damaged."""
     from scipy.io import loadmat

@@ -14,7 +14,7 @@ LEAST_DEG = 3.0
 MOST_LEFT = 0.5
 
 
-def remarks(recipe: Recipe, table: SampleTable, begin: Array, mean: Floats, unit: Array) -> Iterator[Message]:
+def field_remarks(recipe: Recipe, table: SampleTable, begin: Array, mean: Floats, unit: Array) -> Iterator[Message]:
     """A remark where the means (v, 3) of visits that begin at rows (v), of units (v), show another direction of the
     field, in the station's frame and beside an offset of each unit: mean = Rᵀ·field + offset, by least squares."""
     stated = recipe.reference.vector

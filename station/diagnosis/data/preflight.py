@@ -128,7 +128,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         remarks=(
             *preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned),
             *preflight_checks.stepped(recipe, table, begin, mean, steps),
-            *field_direction.remarks(recipe, table, begin[~out], mean[~out], unit[~out]),
+            *field_direction.field_remarks(recipe, table, begin[~out], mean[~out], unit[~out]),
         ),
         simulated=_simulated(table, begin),
     )

@@ -8,7 +8,7 @@ from station.domain.capture.rest_detection import face
 from station.domain.core.types import Floats
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recognition.samples import UnitRecording, Visits
-from station.domain.recognition.understanding import orientations
+from station.domain.recognition.understanding import orientation_count
 from station.messages import Message
 
 #: The recipe for visits whose poses nobody knows, by unit.
@@ -24,7 +24,7 @@ def of(visited: Sequence[tuple[UnitRecording, Visits]], recipe: str | None, file
     if recipe is None and unit == "g" and all(_lies_on_faces(one.recording.reading, v) for one, v in visited):
         return Message("next-import-faces", recipe=FACES, poses=LEAST_POSES)
     known = recipe or HAND_HELD.get(unit)
-    poses = min(orientations(_means(one.recording.reading, v), one.recording.unit) for one, v in visited)
+    poses = min(orientation_count(_means(one.recording.reading, v), one.recording.unit) for one, v in visited)
     if recipe is None and known is not None and poses < LEAST_POSES:
         return Message("next-more-poses", recipe=known, poses=poses, needed=LEAST_POSES)
     return None if known is None else Message("next-calibrate", file=file, recipe=known)
@@ -39,4 +39,4 @@ def _lies_on_faces(reading: Floats, visits: Visits) -> bool:
     means = _means(reading, visits)
     cosine = np.abs(means).max(axis=1) / np.maximum(np.linalg.norm(means, axis=1), 1e-300)
     near = bool((cosine > np.cos(np.radians(FACE_DEG))).all())
-    return near and len({face(m) for m in means}) == 6 and orientations(means, "g") < LEAST_POSES
+    return near and len({face(m) for m in means}) == 6 and orientation_count(means, "g") < LEAST_POSES

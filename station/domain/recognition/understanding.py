@@ -52,7 +52,7 @@ def document(one: UnitRecording, visits: Visits | None) -> dict[str, Any]:
         "restarts": r.clock.restarts,
         "visits": 0 if visits is None else len(visits.edges),
         "visits_by": None if visits is None else visits.found_by,
-        "poses": None if visits is None else orientations(means, r.unit),
+        "poses": None if visits is None else orientation_count(means, r.unit),
         "centre": about.tolist(),
         "magnitude": {"median": float(np.median(size)), "least": float(size.min()), "greatest": float(size.max())},
         "single_readings": bool(np.all(edges[:, 1] - edges[:, 0] == 1)),
@@ -86,7 +86,7 @@ def centre_of(means: Floats, unit: str) -> Floats:
     return centre if unit == "uT" or np.linalg.norm(centre) < radius else np.zeros(3)
 
 
-def orientations(means: Floats, unit: str) -> int:
+def orientation_count(means: Floats, unit: str) -> int:
     """In how many orientations means (k, 3) show a unit, about their middle."""
     return int(rest_segments.orientations(means - centre_of(means, unit)).max(initial=-1)) + 1
 
