@@ -320,11 +320,13 @@ def _orthonormal(columns: Floats) -> tuple[Floats, float]:
     """Orthonormal basis (U, M, rank) of columns (U, M, c) over all units; log det of their normal matrix. Columns count
     by their directions: one that is short beside the others is none of them."""
     flat = columns.reshape(columns.shape[0] * columns.shape[1], -1)
-    length = np.linalg.norm(flat, axis=0)
-    scaled = flat / np.where(length > 0, length, 1.0)
-    values, vectors = eigenvectors(scaled.T @ scaled)
+    normal = flat.T @ flat
+    length = np.sqrt(np.diagonal(normal))
+    length = np.where(length > 0, length, 1.0)
+    # Scaled here and not in the columns, which are long.
+    values, vectors = eigenvectors(normal / np.outer(length, length))
     retained = values > RANK_TOLERANCE * values.max(initial=0.0)
-    basis = scaled @ (vectors[:, retained] / np.sqrt(values[retained]))
+    basis = flat @ (vectors[:, retained] / (length[:, None] * np.sqrt(values[retained])))
     # Of columns that tell the same as many lengths count as there are directions.
     spanned = np.linalg.qr((basis.T @ flat).T, mode="r")
     logdet = 2 * float(np.sum(np.log(np.abs(np.diagonal(spanned)))))
