@@ -94,6 +94,8 @@ def test_motors_off_survives_the_boolean_that_yaml_makes_of_it() -> None:
         ({"reference": {"source": "gold"}}, "needs the sensor too"),
         ({"runs": [{"seating": "upside"}]}, "not defined"),
         ({"runs": []}, "at least 1"),
+        ({"runs": [{"temperature_swing_degC": -900}]}, "greater than or equal to -300"),
+        ({"runs": [{"temperature_offset_degC": 301}]}, "less than or equal to 300"),
         ({"dwell": {"time_s": 1, "until_std": 0.1}}, "either time_s or until_std"),
         ({"limits": {"rule": "false-accept"}}, "needs false_accept"),
         ({"limits": {"offset": -1}}, "greater than 0"),

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from station.domain.recipe.fields import Finite, Name, NotNegative, Positive, StrictModel
+from station.domain.recipe.fields import Finite, Name, NotNegative, Positive, StrictModel, TemperatureStep
 from station.domain.recipe.position import Position
 from station.errors import InvalidValue
 
@@ -22,11 +22,11 @@ class Run(StrictModel):
     order: Literal["listed", "reversed", "shuffled", "fastest"] = "listed"
     first: Name | None = None
     last: Name | None = None
-    temperature_offset_degC: Finite = 0.0
+    temperature_offset_degC: TemperatureStep = 0.0
     prewarm_s: NotNegative = 0.0
     motors: OnOff = "on"
     # What is not stated leaves the hash of a recipe as it was.
-    temperature_swing_degC: Finite = Field(default=0.0, exclude_if=lambda v: v == 0.0)
+    temperature_swing_degC: TemperatureStep = Field(default=0.0, exclude_if=lambda v: v == 0.0)
     base_turn_deg: Finite = Field(default=0.0, exclude_if=lambda v: v == 0.0)
     filter: OnOff = Field(default="on", exclude_if=lambda v: v == "on")
 

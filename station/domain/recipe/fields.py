@@ -36,6 +36,8 @@ def _not_as_good_as_nothing(value: float) -> float:
 
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_as_good_as_nothing)]
 
+#: How much warmer or colder a run is, degC: beyond this no sensor works.
+TemperatureStep = Annotated[float, Field(ge=-300, le=300, allow_inf_nan=False)]
 
 #: Standard deviation of an angle: beyond this a direction is not known at all.
 AngleStd = Annotated[float, Field(ge=0, le=45, allow_inf_nan=False)]
