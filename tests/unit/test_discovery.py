@@ -26,6 +26,7 @@ from station.diagnosis.discovery.term_fit import (
     accepted,
     fit_term,
     refine,
+    rms_of,
     search_between,
 )
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
@@ -56,6 +57,11 @@ def law(w: World, rng: Scaled) -> tuple[Any, Any]:
 def found() -> Diagnosis:
     table, _ = hide(recipe(), law, 7, d=32.0)  # type: ignore[arg-type]
     return diagnosis_of(recipe(), table)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-160, 1.0, 1e200])
+def test_the_rms_of_coefficients_of_any_size_is_a_number(scale: float) -> None:
+    assert rms_of(scale * np.array([[3.0, -4.0]])) == pytest.approx(scale * 12.5**0.5)
 
 
 def test_the_formula_of_a_law_outside_the_library_is_found(found: Diagnosis) -> None:

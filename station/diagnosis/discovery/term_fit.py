@@ -158,7 +158,13 @@ def _fit(term: Term, candidate: Candidate, at: TermSpace) -> TermFit:
     along = basis.swapaxes(1, 2) @ signal.reshape(len(basis), -1, 1)
     share = max(0.0, 1 - after / before) if before > 0 else 0.0
     evidence = float(log_evidence(np.array(share), rank, space.dof)) if 0 < rank <= space.dof // 3 else -np.inf
-    return TermFit(term, share, rank, float(np.sqrt(np.mean((turn @ along) ** 2))), evidence, signal)
+    return TermFit(term, share, rank, rms_of(turn @ along), evidence, signal)
+
+
+def rms_of(coefficients: Floats) -> float:
+    """Their rms; of columns that nearly died away they are too large to be squared."""
+    largest = float(np.abs(coefficients).max(initial=0.0))
+    return largest * float(np.sqrt(np.mean((coefficients / largest) ** 2))) if largest > 0 else 0.0
 
 
 def _orthonormal(columns: Floats, length: Floats, *, own: bool) -> tuple[Floats, int]:
