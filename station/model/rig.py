@@ -5,6 +5,7 @@ It knows no clock, no bus and no positioner: who drives it says what happens whe
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,8 @@ class Rig:
     def __init__(self, job: SimulationJob, plate: FixtureRotation) -> None:
         self._job = job.with_drawn_form()
         self._plate = plate
+        # Asked of at every look at a sensor; it hangs on the recipe alone.
+        self._duration_s = cache(lambda run: run_timeline(job.recipe, run, job.line).duration_s)
         self._units: dict[str, LiveUnit] = {}
         self._loads = -1
         self._powered_s = self._clamped_s = 0.0
@@ -168,7 +171,7 @@ class Rig:
         since = np.maximum(time_s - started, 0.0)
         powered, clamped = started - self._powered_s, started - self._clamped_s
         offset = how.temperature_offset_degC * one
-        length_s = run_timeline(job.recipe, int(bare.visits.run[0]), job.line).duration_s
+        length_s = self._duration_s(int(bare.visits.run[0]))
         swing = Swing(how.temperature_swing_degC * one, length_s * one)
         return replace(
             bare,
