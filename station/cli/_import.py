@@ -15,6 +15,7 @@ from station.domain.recognition import (
     interleaved,
     next_step,
     samples,
+    six_faces,
     still_files,
     understanding,
     unsigned,
@@ -83,7 +84,10 @@ def _visited(
         bar.advance(task)
     one_rest = job.units or (recipe is not None and len(recipe.positions) == 1)
     passes = [one for passes in read for one in passes] if raw or one_rest else _as_units(files, read, job)
-    return [(one, None if raw else samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
+    if raw:
+        return [(one, None) for one in passes]
+    visited = [(one, samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
+    return list(visited if recipe is not None else six_faces.called_after_faces(visited))
 
 
 def _as_units(files: Sequence[Path], read: Sequence[list[UnitRecording]], job: ImportJob) -> list[UnitRecording]:

@@ -495,7 +495,7 @@ def test_six_faces_of_a_sensor_far_off_zero_are_a_tumble_though_it_rests_for_les
     path = saved(tmp_path / "a.csv", np.c_[np.arange(len(y)) / 100, y], header="t,ax,ay,az")
     check(understood(capsys, path), visits=18, poses=6, visits_by="rest")
     assert station("import", path, "--out", str(tmp_path / "a.parquet")) == 0
-    assert "--recipe six-point" in capsys.readouterr().out
+    assert "--recipe six-faces" in capsys.readouterr().out
     assert station("import", path, "--recipe", "six-point", "--out", str(tmp_path / "a.parquet")) == 0
     assert "Next: station calibrate --samples" in capsys.readouterr().out
 

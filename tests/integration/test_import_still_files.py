@@ -114,3 +114,34 @@ def test_short_files_that_move_hold_no_still_pose(
         np.savetxt(files[-1], np.c_[1000 * t, y], "%.3f", ",", header="ms,ax,ay,az", comments="")
     assert station("import", *files) == 2
     assert "too short" in capsys.readouterr().err
+
+
+def test_six_faces_by_hand_need_no_recipe_stated_and_meet_no_other_device_s_sheet(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Steps and rate of another sensor than six-point states: they were found wrong, and limits of nobody's failed."""
+    files, out = write_faces(tmp_path / "faces", rng, prefix="acc_raw_", scale=256.0), str(tmp_path / "s.parquet")
+    for file in files:
+        table = pd.read_csv(file).round({"ax": 0, "ay": 0, "az": 0})
+        table.assign(time_s=table["time_s"] * 4).to_csv(file, index=False)
+    assert station("import", *files, "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "lie on the six faces" in said
+    assert f"Next: station calibrate --samples {out} --recipe six-faces" in said
+    assert read_samples(Path(out)).position.names == AXES
+    assert station("calibrate", "--samples", out, "--recipe", "six-faces", "--json", "-") == 0
+    (unit,) = json.loads(capsys.readouterr().out)["units"]
+    assert np.diag(unit["matrix"]) == pytest.approx([1.03, 0.96, 1.01], abs=3e-3)
+    station("diagnose", "--samples", out, "--recipe", "six-faces", "--json", "-")
+    shown = json.loads(capsys.readouterr().out)
+    assert {"quantization", "clock-error"}.isdisjoint(cause["effect"] for cause in shown["causes"])
+
+
+def test_visits_that_are_called_after_the_faces_keep_their_names_unremarked(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files, out = write_faces(tmp_path / "faces", rng), str(tmp_path / "s.parquet")
+    assert station("import", *files, "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "called after them" not in said
+    assert "--recipe six-faces" in said

@@ -4,8 +4,8 @@ Visits of a unit that follow each other without a gap at one position are one st
 one length that depends on how long the stay was and not on how it came, so that the same recording in visits of 5,
 10, 30 or 60 s becomes the same table. A visit that the fixture left and came to again is untouched. Short stays of a
 unit that was turned from one to the next are a visit each: pieces of one rest repeat its pose and say nothing new of
-it. A stay ends where the mean of the readings steps, and a long one in the only position of a recipe may come in one
-piece.
+it, nor do visits of a known pose that the unit did not leave between them, pauses or not. A stay ends where the mean of
+the readings steps, and a long one in the only position of a recipe may come in one piece.
 """
 
 from dataclasses import dataclass, replace
@@ -185,7 +185,11 @@ def _joined(recipe: Recipe, table: SampleTable, first: NDArray[np.intp], period:
     labels = [table.position, table.unit, *table.labels.values()]
     same = np.all([x.code[first][1:] == x.code[first][:-1] for x in labels], axis=0)
     gap = table.time_s[first[1:]] - table.time_s[last[:-1]]
-    same &= (table.run[first][1:] == table.run[first][:-1]) & (gap >= 0) & (gap <= MAX_GAP_PERIODS * period)
+    same &= (table.run[first][1:] == table.run[first][:-1]) & (gap >= 0)
+    if recipe.pose_known and len(recipe.positions) > 1 and _are_rests(table, first[np.r_[True, ~same]]):
+        # What a hand left in its pose and turned about the vertical was not placed anew.
+        return np.asarray(same)
+    same &= gap <= MAX_GAP_PERIODS * period
     if not recipe.pose_known and same.any():
         count = np.diff(np.append(first, len(table)))[:, None]
         mean = np.add.reduceat(table.reading, first, axis=0) / count
