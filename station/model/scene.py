@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from station.domain.core.types import Array, Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
-from station.model.temperature_course import TemperatureCourse, temperature_courses
+from station.model.likely_courses import TemperatureCourse
+from station.model.temperature_course import temperature_courses
 from station.model.turning_temperature import own_rates, with_own_rates
 from station.model.visit_table import VisitTable, visit_table
 
@@ -181,7 +182,7 @@ def scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:
     np.minimum.at(arrived, scene.visit, table.time_s)
     known: dict[str, Any] = {k: table.values[k] for k in COVARIATES if k in table.values}
     if "temperature_degC" in known:
-        rate = estimate_temperature_rate(known["temperature_degC"], table.time_s, scene.visit, scene.visits)
+        rate = estimate_temperature_rate(known["temperature_degC"], scene)
         known["temperature_rate"] = rate
     since = table.time_s - arrived[scene.visit] + recipe.settle.time_s
     return replace(scene, since_arrival_s=since, **known)
@@ -220,20 +221,31 @@ def _means(values: Floats, visit: NDArray[Any], visits: int) -> Floats:
     return np.stack([np.bincount(visit, column, visits) / count for column in values.T], 1)
 
 
-def estimate_temperature_rate(
-    temperature_degC: Floats, time_s: Floats, visit: NDArray[Any], visits: VisitTable
-) -> Floats:
+def estimate_temperature_rate(temperature_degC: Floats, scene: Scene) -> Floats:
     """dT/dt (n) in degC/s: the slope of a smooth course through the visits' mean temperatures, and where it turns
     within a visit what the samples show."""
-    mean = _means(np.stack([time_s, temperature_degC], 1), visit, len(visits))
-    slope = np.concatenate([c.slope for c in fit_temperature_courses(mean[:, 0], mean[:, 1], visits)])
-    return np.asarray(with_own_rates(slope, own_rates(temperature_degC, time_s, visit, len(visits)))[visit])
+    count = len(scene.visits)
+    mean = _means(np.stack([scene.time_s, temperature_degC], 1), scene.visit, count)
+    slope = np.concatenate([c.slope for c in fit_temperature_courses(scene, mean[:, 0], mean[:, 1])])
+    own = own_rates(temperature_degC, scene.time_s, scene.visit, count)
+    return np.asarray(with_own_rates(slope, own)[scene.visit])
 
 
 def fit_temperature_courses(
-    time_s: Floats, temperature_degC: Floats, visits: VisitTable, since_power_s: Floats | None = None
+    scene: Scene, time_s: Floats, temperature_degC: Floats, since_power_s: Floats | None = None
 ) -> list[TemperatureCourse]:
-    """The temperature's course in each run, from times and means (v) of the visits."""
-    runs = list(visits.run_slices())
-    since = None if since_power_s is None else [since_power_s[rows] for rows in runs]
-    return temperature_courses([(time_s[rows], temperature_degC[rows]) for rows in runs], since)
+    """The temperature's course in each run of a scene, from times and means (v) of its visits."""
+    return temperature_courses(*runs_of_temperature(scene, time_s, temperature_degC, since_power_s))
+
+
+def runs_of_temperature(
+    scene: Scene, time_s: Floats, temperature_degC: Floats, since_power_s: Floats | None
+) -> tuple[list[tuple[Floats, Floats]], list[Floats] | None, list[bool]]:
+    """Times and means (v) of a scene's visits run by run, times since power-on, and whether the recipe makes the
+    temperature rise and fall in it."""
+    places = list(scene.visits.run_slices())
+    since = None if since_power_s is None else [since_power_s[rows] for rows in places]
+    swings = np.array([run.temperature_swing_degC != 0 for run in scene.recipe.runs])
+    turning = swings[scene.codes("run-of-recipe")]
+    runs = [(time_s[rows], temperature_degC[rows]) for rows in places]
+    return runs, since, [bool(turning[rows.start]) for rows in places]

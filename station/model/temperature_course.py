@@ -6,10 +6,11 @@ conditional means, and what is not known of them its conditional covariances. β
 run: noisy slopes are drawn to their mean, because a cause in proportion to them as they are comes out too small
 (regression calibration: Carroll, Ruppert, Stefanski and Crainiceanu, Measurement Error in Nonlinear Models, 2nd ed.,
 ch. 4). Few visits tell little of the stiffness, and few runs of how far slopes scatter: all are means over what
-restricted likelihood does not rule out.
+restricted likelihood does not rule out. Runs in which the recipe makes the temperature turn have a stiffness of their
+own, and do not tell how the bench warms.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +18,20 @@ import numpy as np
 from station.domain.core.types import Floats
 from station.model import long_temperature_run, slope_scatter
 from station.model.bench_heating import COLD, Heating, bench_heating
+from station.model.likely_courses import (
+    LEAST_ODDS,
+    MODES,
+    LikelyCourses,
+    RunMeans,
+    TemperatureCourse,
+    courses_of_all,
+    mean_course,
+    padded,
+)
 from station.model.slope_scatter import Scatter
 
 #: Stiffness tried: variance of f over a whole run beside that of the noise of a visit.
 STIFFNESS_RATIOS = np.geomspace(1e-1, 1e8, 19)
-#: Odds, beside the likeliest one, below which a stiffness is ruled out.
-LEAST_ODDS = 0.02
 #: A thermometer's noise from visit to visit is no more than this, degC, nor than so many times what visits usually are
 #: off their neighbours: what is more was as warm as it read. The median of |x| beside the deviation of normal x.
 MOST_NOISE_DEGC, MOST_BEYOND_SCATTER, MEDIAN_PER_SIGMA = 0.1, 2.0, 0.6745
@@ -32,8 +41,6 @@ LEAST_NOISE_SHARE = 0.01
 MAX_LIKELIHOOD_VISITS = 12_000
 #: A bend of fewer runs is that of their own course as well.
 LEAST_HEATED_RUNS = 2
-#: Modes kept of what is not known of a slope, and of a value.
-MODES = 3
 #: Visits of a run beyond which no matrix has as many rows: its cost grows with the cube of them.
 MOST_DENSE_VISITS = 240
 
@@ -53,39 +60,64 @@ class Stiffness(NamedTuple):
     share: float
 
 
-class TemperatureCourse(NamedTuple):
-    """Temperature (n) and its slope (n) at each visit of a run, and modes (n, MODES) of the slope's error: their sum,
-    each times a standard normal number, is the error. value_modes (n, MODES): the same of the temperature's error about
-    the run's mean, 0 where it is as it was read."""
+class ReadNoise(NamedTuple):
+    """Sum of squares, degC², of so many free numbers that a thermometer's noise left."""
 
-    value: Floats
-    slope: Floats
-    modes: Floats
-    value_modes: Floats
+    squares: float
+    free: int
 
 
 def temperature_courses(
-    runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats] | None = None
+    runs: Sequence[RunMeans],
+    since_s: Sequence[Floats] | None = None,
+    turning: Sequence[bool] | None = None,
 ) -> list[TemperatureCourse]:
     """The courses of runs, each given as times (n) in s and means (n) of its visits; since_s: times since power-on (n)
-    of each, where these are known."""
-    share, likely = zip(*likely_courses(runs, since_s), strict=True)
-    return [_mean_course(np.array(share), each) for each in zip(*likely, strict=True)]
+    of each, where these are known; turning: in which the temperature is made to rise and fall, in none if None."""
+    groups, each, finish = _of_groups(runs, since_s, turning)
+    courses: dict[int, TemperatureCourse] = {}
+    for places, likely in zip(groups, each, strict=True):
+        share, some = zip(*likely, strict=True)
+        means = (mean_course(np.array(share), mine) for mine in zip(*some, strict=True))
+        courses |= zip(places, means, strict=True)
+    return finish([courses[i] for i in range(len(runs))])
 
 
 def likely_courses(
-    runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats] | None = None
-) -> list[tuple[float, list[TemperatureCourse]]]:
-    """The same for each likely stiffness and scatter of the slopes between runs, with its probability."""
+    runs: Sequence[RunMeans],
+    since_s: Sequence[Floats] | None = None,
+    turning: Sequence[bool] | None = None,
+) -> list[LikelyCourses]:
+    """The same for each likely stiffness and scatter of the slopes between runs, with its probability. Runs made to
+    turn have a stiffness and a scatter of their own, and do not tell how the bench warms."""
+    groups, each, finish = _of_groups(runs, since_s, turning)
+    return [(share, finish(courses)) for share, courses in courses_of_all(groups, each)]
+
+
+def _of_groups(
+    runs: Sequence[RunMeans], since_s: Sequence[Floats] | None, turning: Sequence[bool] | None
+) -> tuple[
+    list[list[int]], list[list[LikelyCourses]], Callable[[Sequence[TemperatureCourse]], list[TemperatureCourse]]
+]:
+    """Places of the runs that are alike, the likely courses of each of these groups beside what the bench warms, and
+    what adds that to courses of all runs."""
     since = [t - t.min(initial=np.inf) for t, _ in runs] if since_s is None else since_s
-    heating = _heating(runs, since)
-    if heating is COLD:
-        return _likely_beside_heating(runs)
-    cool = [(t, T - heating.value(p)) for (t, T), p in zip(runs, since, strict=True)]
-    return [
-        (share, [_heated(*each, heating) for each in zip(courses, cool, runs, since, strict=True)])
-        for share, courses in _likely_beside_heating(cool)
-    ]
+    turning = [False] * len(runs) if turning is None else turning
+    groups = [places for turns in (False, True) if (places := [i for i, x in enumerate(turning) if x == turns])]
+    heating = _heating([runs[i] for i in groups[0]], [since[i] for i in groups[0]])
+    cool = runs if heating is COLD else [(t, T - heating.value(p)) for (t, T), p in zip(runs, since, strict=True)]
+    noise: ReadNoise | None = None
+    each = []
+    for places in groups:
+        likely, noise = _likely_beside_heating([cool[i] for i in places], noise)
+        each.append(likely)
+
+    def finish(courses: Sequence[TemperatureCourse]) -> list[TemperatureCourse]:
+        if heating is COLD:
+            return list(courses)
+        return [_heated(*one, heating) for one in zip(courses, cool, runs, since, strict=True)]
+
+    return groups, each, finish
 
 
 def _heated(
@@ -100,7 +132,7 @@ def _heated(
     return course._replace(value=value, slope=course.slope + heating.slope(since_s))
 
 
-def _heating(runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats]) -> Heating:
+def _heating(runs: Sequence[RunMeans], since_s: Sequence[Floats]) -> Heating:
     """How the bench warms, by runs that are alike in length; not by very long ones, which tell every bend."""
     lengths = [len(t) for t, _ in runs if 2 < len(t) <= MOST_DENSE_VISITS and np.ptp(t) > 0]
     if len(lengths) < LEAST_HEATED_RUNS:
@@ -116,14 +148,17 @@ def _heating(runs: Sequence[tuple[Floats, Floats]], since_s: Sequence[Floats]) -
     return bench_heating(since, judges.value, sloping, STIFFNESS_RATIOS, longest)
 
 
-def _likely_beside_heating(runs: Sequence[tuple[Floats, Floats]]) -> list[tuple[float, list[TemperatureCourse]]]:
-    """The same of a bench that does not warm by itself."""
+def _likely_beside_heating(
+    runs: Sequence[RunMeans], beside: ReadNoise | None
+) -> tuple[list[LikelyCourses], ReadNoise | None]:
+    """The same of a bench that does not warm by itself, and the noise; beside: that of other runs, where it is
+    known."""
     longest = max((float(np.ptp(t)) for t, _ in runs), default=0.0) or 1.0
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, (t, _) in enumerate(runs):
         kinds.setdefault((len(t), len(t) > 1 and float(np.ptp(t)) > 0), []).append(i)
     scaled = [_stacked([runs[i] for i in places], longest) for places in kinds.values()]
-    likely = _stiffness(scaled)
+    likely, read_noise = _stiffness(scaled, beside)
     fitted = [_fitted(each, likely) if goes_on else () for each, (_, goes_on) in zip(scaled, kinds, strict=True)]
     share = _joint_probabilities(likely, fitted)
     smooth = _is_smooth(scaled, [g._replace(share=float(w)) for g, w in zip(likely, share.sum(1), strict=True)])
@@ -137,7 +172,7 @@ def _likely_beside_heating(runs: Sequence[tuple[Floats, Floats]]) -> list[tuple[
                 own = (value, blur) if smooth else (runs[i][1], np.zeros_like(blur))
                 courses[i] = TemperatureCourse(own[0], slope / longest, modes / longest, own[1])
         found.append((float(share[s, b]), [courses[i] for i in range(len(runs))]))
-    return found
+    return found, read_noise
 
 
 def _joint_probabilities(likely: Sequence[Stiffness], fitted: Sequence[Sequence["FittedLine"]]) -> Floats:
@@ -159,35 +194,6 @@ def _joint_probabilities(likely: Sequence[Stiffness], fitted: Sequence[Sequence[
     return np.asarray(share / share.sum())
 
 
-def _mean_course(share: Floats, likely: Sequence[TemperatureCourse]) -> TemperatureCourse:
-    """The mean of the likely courses of one run; what they differ by is not known of its slope either."""
-    if len(likely) == 1:
-        return likely[0]
-    slope = np.asarray(share @ np.stack([c.slope for c in likely]))
-    # Of values that are as read in all, those.
-    value = likely[0].value + share @ np.stack([c.value - likely[0].value for c in likely])
-    off = _largest(share, np.stack([c.slope for c in likely]) - slope, np.stack([c.modes for c in likely]))
-    warm = _largest(share, np.stack([c.value for c in likely]) - value, np.stack([c.value_modes for c in likely]))
-    return TemperatureCourse(value, slope, off, warm)
-
-
-def _largest(share: Floats, off: Floats, modes: Floats) -> Floats:
-    """The largest modes (n, MODES) of what likely courses (s), each of such a share, are off by: their means (s, n),
-    and modes (s, n, MODES)."""
-    every = np.concatenate([off[..., None], modes], axis=2) * np.sqrt(share)[:, None, None]
-    every = every.swapaxes(0, 1).reshape(off.shape[1], -1)
-    if not every.any():
-        return np.zeros((len(every), MODES))
-    vectors, size, _ = np.linalg.svd(every, full_matrices=False)
-    return _padded((vectors * size)[:, :MODES])
-
-
-def _padded(modes: Floats) -> Floats:
-    """Modes (…, n, some) as MODES of them, those that are missing 0."""
-    missing = MODES - modes.shape[-1]
-    return np.concatenate([modes, np.zeros((*modes.shape[:-1], missing))], axis=-1) if missing > 0 else modes
-
-
 def _is_smooth(kinds: Sequence[RunTemperatures], likely: Sequence[Stiffness]) -> bool:
     """Whether what a smooth course leaves is a thermometer's noise, and worth taking off: no more than such ones have,
     nor than visits scatter about their neighbours (a jump would be far more), nor nothing beside the changes."""
@@ -206,21 +212,25 @@ def _off_neighbours(runs: RunTemperatures) -> Floats:
     return np.asarray((runs.value[:, 1:-1] - line) / np.sqrt(1 + late**2 + (1 - late) ** 2))
 
 
-def _stacked(runs: Sequence[tuple[Floats, Floats]], longest: float) -> RunTemperatures:
+def _stacked(runs: Sequence[RunMeans], longest: float) -> RunTemperatures:
     time = np.stack([t - t.min(initial=np.inf) for t, _ in runs])
     return RunTemperatures(time / longest, np.stack([T for _, T in runs]))
 
 
-def _stiffness(kinds: Sequence[RunTemperatures]) -> list[Stiffness]:
-    """Every stiffness that restricted likelihood does not rule out."""
+def _stiffness(kinds: Sequence[RunTemperatures], beside: ReadNoise | None) -> tuple[list[Stiffness], ReadNoise | None]:
+    """Every stiffness that restricted likelihood does not rule out, and what the noise left with the best; beside: what
+    it left in other runs."""
     long = [runs for runs in kinds if runs.time.shape[1] > 2]
     if not long:
-        return [Stiffness(1.0, 0.0, 1.0)]
+        return [Stiffness(1.0, 0.0, 1.0)], beside
     by_length = max(long, key=lambda runs: len(runs.time))
     every = max(1, by_length.time.size // MAX_LIKELIHOOD_VISITS)
     judges = RunTemperatures(by_length.time[::every], by_length.value[::every])
     logdet, squares = _likelihoods(judges)
     free = len(judges.time) * (judges.time.shape[1] - 2)
+    own = free
+    if beside is not None:
+        squares, free = squares + beside.squares, free + beside.free
     variance = np.maximum(squares / free, 1e-24)
     nats = -0.5 * (logdet + free * np.log(variance))
     odds = np.exp(nats - nats.max())
@@ -228,7 +238,8 @@ def _stiffness(kinds: Sequence[RunTemperatures]) -> list[Stiffness]:
     share = odds[likely] / odds[likely].sum()
     noise = np.sqrt(variance[likely])
     found = zip(STIFFNESS_RATIOS[likely], noise, share, strict=True)
-    return [Stiffness(float(r), float(n), float(s)) for r, n, s in found]
+    left = ReadNoise(float(variance[odds.argmax()]) * own, own)
+    return [Stiffness(float(r), float(n), float(s)) for r, n, s in found], left
 
 
 def _likelihoods(runs: RunTemperatures) -> tuple[Floats, Floats]:
@@ -315,7 +326,7 @@ def _modes(unknown: Floats) -> Floats:
     """The largest modes (r, n, MODES) of covariances (r, n, n)."""
     values, vectors = np.linalg.eigh((unknown + unknown.swapaxes(1, 2)) / 2)
     modes = vectors[..., -MODES:] * np.sqrt(np.maximum(values[:, None, -MODES:], 0.0))
-    return _padded(modes)
+    return padded(modes)
 
 
 def _standing_still(runs: RunTemperatures) -> tuple[Floats, Floats, Floats, Floats]:

@@ -158,3 +158,33 @@ def test_few_runs_have_one_course_for_each_likely_stiffness() -> None:
     share, likely = zip(*likely_courses(runs), strict=True)
     assert sum(share) == pytest.approx(1.0)
     assert len({courses[0].slope.tobytes() for courses in likely}) == len(likely) > 1
+
+
+def test_runs_made_to_turn_leave_the_others_as_smooth_as_they_are() -> None:
+    """One stiffness for all runs, and a bench that warms by what turns in one of them, gave calm runs rates that were
+    off by .005 degC/s, and rates of the turning one that were too even."""
+    rng = np.random.default_rng(12)
+    t = np.linspace(5.0, 50.0, 6)
+    turning = [False] * 8 + [True] * 4
+    since = [t + (606.0 if i in range(4, 8) else 6.0) for i in range(12)]
+    swing = 0.5 * np.minimum(t / 30, (55 - t) / 25)
+    runs = [(t, 20 + 0.003 * t + swing * turns + 0.02 * rng.standard_normal(6)) for turns in turning]
+    found = temperature_courses(runs, since, turning)
+    # A straight line through six visits has the slope's error noise / √Σ(t − t̄)²: .0005 degC/s.
+    calm = np.concatenate([course.slope for course in found[:8]])
+    assert np.sqrt(np.mean((calm - 0.003) ** 2)) < 0.001
+    rate = 0.003 + np.where(t < 30, 0.5 / 30, -0.5 / 25)
+    together = np.mean([course.slope for course in found[8:]], axis=0)
+    # A smooth course turns within the visits beside the turn.
+    assert np.abs(together - rate)[np.abs(t - 30) > 10].max() < 0.3 * np.std(rate)
+
+
+def test_likely_courses_of_runs_made_to_turn_go_with_each_of_the_others() -> None:
+    rng = np.random.default_rng(13)
+    t = np.linspace(0.0, LENGTH_S, STOPS)
+    runs = [(t, waves(t, rng)[0] + 0.02 * rng.standard_normal(STOPS)) for _ in range(3)]
+    share, likely = zip(*likely_courses(runs, None, [False, True, False]), strict=True)
+    assert sum(share) == pytest.approx(1.0)
+    calm, turned = ({courses[i].slope.tobytes() for courses in likely} for i in (0, 1))
+    assert len(likely) > max(len(calm), len(turned)) > 1
+    np.testing.assert_allclose(likely[0][1].value, runs[1][1], atol=0.1)

@@ -22,8 +22,8 @@ from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.model.likely_courses import TemperatureCourse
 from station.model.scene import COVARIATES, Scene, fit_temperature_courses, scene_of_table, visits_scene_of_table
-from station.model.temperature_course import TemperatureCourse
 from station.model.turning_temperature import own_rates, with_own_rates
 
 #: Ends of the sub-blocks as shares of the dwell.
@@ -272,7 +272,7 @@ def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, 
     scene = scene_of_table(recipe, replace(means, values=others))
     if warm is None:
         return scene, None, None
-    courses = fit_temperature_courses(scene.time_s, warm, scene.visits, scene.since_power_s)
+    courses = fit_temperature_courses(scene, scene.time_s, warm, scene.since_power_s)
     value, rate, modes, blur = (
         np.concatenate([getattr(c, part) for c in courses]) for part in TemperatureCourse._fields
     )

@@ -32,8 +32,9 @@ from station.model.forward import (
     sensor_reading,
     sensor_signal,
 )
-from station.model.scene import Scene, Signal
-from station.model.temperature_course import TemperatureCourse, likely_courses
+from station.model.likely_courses import TemperatureCourse
+from station.model.scene import Scene, Signal, runs_of_temperature
+from station.model.temperature_course import likely_courses
 
 #: Noise of a visit's mean beside that of its samples over √n, or of its quietest contrast, at the least: blue noise
 #: averages better than white.
@@ -219,10 +220,8 @@ class ResidualView:
         read = self.reduced.read_degC
         if read is None:
             return [(1.0, self)]
-        places, since = list(self.scene.visits.run_slices()), self.scene.since_power_s
-        runs = [(self.scene.time_s[rows], read[rows]) for rows in places]
-        likely_of = likely_courses(runs, None if since is None else [since[rows] for rows in places])
-        share, likely = zip(*likely_of, strict=True)
+        runs = runs_of_temperature(self.scene, self.scene.time_s, read, self.scene.since_power_s)
+        share, likely = zip(*likely_courses(*runs), strict=True)
         chosen, weight = np.arange(len(share)), np.array(share)
         if len(share) > MOST_COURSES:
             # As many in each part of the probability: those of the middles.
