@@ -10,8 +10,14 @@ from station.errors import UsageError
 
 def names(package: str) -> tuple[str, ...]:
     """Ids of all plug-ins in `package` (dotted name), without importing them, in alphabetical order."""
-    path = importlib.import_module(package).__path__
-    modules = (m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+    return _in_folders(tuple(importlib.import_module(package).__path__))
+
+
+@cache
+def _in_folders(folders: tuple[str, ...]) -> tuple[str, ...]:
+    """Ids of what lies in some folders; these are asked for at every model that is read, and at every cause of a bank,
+    and no file comes while a process lives."""
+    modules = (m.name for m in pkgutil.iter_modules(folders) if not m.name.startswith("_"))
     return tuple(sorted(name.replace("_", "-") for name in modules))
 
 

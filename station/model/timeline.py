@@ -56,12 +56,12 @@ def run_timeline(recipe: Recipe, run: int, line: SimulatedLine | None = None) ->
     run %= len(recipe.runs)
     visits = plan.planned_visits(recipe, run) if recipe.pose_known else ()
     names, first = plan.names(recipe, run), plan.visit_index(recipe, run, 0)
-    turns = [90.0] * len(names)
-    for i, (a, b) in enumerate(pairwise(visits)):
-        if recipe.reference.source != "rate":
-            turns[i + 1] = float(np.rad2deg(np.linalg.norm(rotation.to_vector(a.nest.T @ b.nest))))
+    turns = np.full(len(names), 90.0)
+    if len(visits) > 1 and recipe.reference.source != "rate":
+        apart = np.stack([a.nest.T @ b.nest for a, b in pairwise(visits)])
+        turns[1:] = np.rad2deg([np.linalg.norm(vector) for vector in rotation.to_vector(apart)])
     dwell_s = visit_dwells_s(recipe)[first : first + len(names)]
-    leaves = np.cumsum([line.move_s(angle) for angle in turns]) + np.cumsum(recipe.settle.time_s + dwell_s)
+    leaves = np.cumsum([line.move_s(angle) for angle in turns.tolist()]) + np.cumsum(recipe.settle.time_s + dwell_s)
     return RunTimeline(
         names,
         leaves - recipe.settle.time_s - dwell_s,
