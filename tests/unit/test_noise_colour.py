@@ -15,7 +15,7 @@ from station.domain.core.types import Floats, SampleTable
 from station.model.model_file import Model
 from tests.blind.bench import hide
 from tests.blind.hidden import KNOWN
-from tests.blind.recipes import recipe
+from tests.blind.recipes import recipe, six_faces
 
 RECIPE, UNITS = recipe(), 2
 ALLOWED = FloorAllowance.of(RECIPE, Model())
@@ -60,6 +60,18 @@ def test_contrasts_have_the_noise_that_their_colour_gives_them(colour: str, rng:
     assert beside_expected(found) == pytest.approx(1.0, abs=0.4)
     away = found.contrast_noise.noise[:, 2].max()
     assert away < 0.8 if colour == "differenced" else away > 1.4
+
+
+def test_an_axis_that_is_slow_in_all_of_its_contrasts_shows_in_six_dwells(rng: np.random.Generator) -> None:
+    faces = six_faces("listed")
+    made, _ = hide(faces, None, 1, units=1)
+    white = rng.standard_normal((6, len(made) // 6, 3))
+    white[..., 2] += np.cumsum(rng.standard_normal(white.shape[:2]), axis=1)
+    found = reduce_samples(faces, replace(made, reading=made.reading + 1e-2 * white.reshape(-1, 3))).contrast_noise
+    # Beside the noise of its samples: of four free dwells no contrast tells by itself, the three of an axis do.
+    beside = found.noise / found.noise[:, :2].mean(axis=1, keepdims=True)
+    assert np.all(beside[:, 2] > 2.0)
+    assert found.axis_error > 0.1
 
 
 def test_contrasts_of_differenced_noise_have_nothing_in_common_once_scaled(rng: np.random.Generator) -> None:

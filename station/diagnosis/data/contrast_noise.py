@@ -101,12 +101,19 @@ def contrast_noise(contrast: Floats, mean: Floats, scene: Scene, sigma: Floats) 
     logs = np.log(np.stack([np.diagonal(p) for p in products], axis=1)) - scipy.special.digamma(half) + np.log(half)
     logs = logs - 2 * np.log(expected * rms)
     common, error = logs.mean(axis=1, keepdims=True), SQUARES_LOG_VARIANCE / min(free)
-    shares = [share_beyond_chance(common, error / 3, blocks), share_beyond_chance(logs - common, error, 2 * blocks)]
+    # What an axis has in all of its contrasts is known from fewer visits than what it has in each.
+    axis = (logs - common).mean(axis=0, keepdims=True)
+    shares = [
+        share_beyond_chance(common, error / 3, blocks),
+        share_beyond_chance(axis, error / blocks, 2),
+        share_beyond_chance(logs - common - axis, error, 2 * (blocks - 1)) if blocks > 1 else 0.0,
+    ]
     if min(free) < LEAST_FREE:
-        shares[1] = 0.0
-    drawn = np.clip(shares[0] * common + shares[1] * (logs - common), -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE)
+        shares[2] = 0.0
+    drawn = shares[0] * common + shares[1] * axis + shares[2] * (logs - common - axis)
+    drawn = np.clip(drawn, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE)
     # Of what is drawn in by a share the error is drawn in, too; that of a noise is half of its square's.
-    errors = 0.5 * np.sqrt(np.array([shares[0] * error / 3, shares[1] * error]))
+    errors = 0.5 * np.sqrt([shares[0] * error / 3, shares[1] * error / blocks + shares[2] * error])
     found = ContrastNoise(np.asarray(expected * np.exp(drawn / 2)), None, *map(float, errors))
     return _apart(found, np.stack(products), sum(free)) if there.all() else found
 
