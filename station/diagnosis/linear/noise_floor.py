@@ -65,7 +65,8 @@ class FloorStructure:
     turn (classes, B, v, k, 3) with T = turn·turnᵀ visit by visit; walk (classes, B, v, k, 3), step and taken
     (classes, B, v) with K = Σ_j step_j w_j w_jᵀ, w_j being walk from visit j on, and taken the steps since the block
     began; inside (classes, B, s, s) the part of K that a block's own steps make. pad (classes, m): 1 where there is
-    no visit; member (U, R): the kind of each unit's run."""
+    no visit; member (U, R): the kind of each unit's run; sizes: variances of the noise and the walk of each axis beside
+    those in common, where they have their own."""
 
     white: Floats
     turn: Floats
@@ -75,6 +76,7 @@ class FloorStructure:
     inside: Floats
     pad: Floats
     member: NDArray[np.intp]
+    sizes: tuple[float, ...] = ()
     _kept: dict[bytes, FloorCovariance] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -148,21 +150,27 @@ class FloorStructure:
 
     def traces(self, runs: RunFilter) -> Floats:
         """Trace (classes, 3) of V⁻¹ times each part."""
+        each = self.axis_traces(runs)
+        return np.stack([each[:, : self.walk.shape[3]].sum(1), each[:, -4], each[:, -3:].sum(1)], axis=1)
+
+    def axis_traces(self, runs: RunFilter) -> Floats:
+        """The same (classes, k + 4) of the white part of each number of a visit, of T, and of the walk of each axis."""
         C, B, s = self.white.shape
         if runs.inverse.shape[1] != B:
-            return self.by_visits().traces(runs)
+            return self.by_visits().axis_traces(runs)
         v, k = self.turn.shape[2:4]
         roots, later = runs.precision_roots(), runs.later_information()
-        white = np.sum(np.sum(roots**2, axis=2) * self.white, axis=(1, 2))
+        white = np.sum(np.sum(roots**2, axis=2) * self.white, axis=1).reshape(C, v, k).sum(1)
         by_visit = roots.reshape(C, B, -1, v, k).swapaxes(2, 3)
-        turned = np.sum((by_visit @ self.turn) ** 2, axis=(1, 2, 3, 4))
+        turned = np.sum((by_visit @ self.turn) ** 2, axis=(1, 2, 3, 4))[:, None]
         # What a step from each visit on does to its block, and what it leaves to those after.
         block = _onward(by_visit[:, :, :, :s] @ self.walk)
-        squares = np.sum(block**2, axis=(3, 4))
+        squares = np.sum(block**2, axis=3)
         if B > 1:
             after = np.eye(3) - runs.gain[:, :, None] @ block
-            squares += np.sum(after * (later[:, :, None] @ after), axis=(3, 4))
-        return np.stack([white, turned, np.sum(squares * self.step, axis=(1, 2))], axis=1)
+            squares += np.sum(after * (later[:, :, None] @ after), axis=3)
+        walked = np.sum(squares * self.step[..., None], axis=(1, 2))
+        return np.concatenate([white, turned, walked], axis=1)
 
     def times(self, rows: Floats) -> Floats:
         """D, T and K times rows (U, R, m, c) of readings' weights: (U, R, m, 3, c)."""

@@ -31,6 +31,8 @@ _DESIGN: dict[str, bool | set[str]] = {
 }
 #: Errors of a logarithm of the noise within the dwells are as good as the same within such a step.
 ERROR_STEP = 0.05
+#: A variance of one axis below this share of that in common adds nothing to what chance does.
+LEAST_SIZE = 1 / 16
 #: Chance of any alarm in data without a cause, and in sets that are drawn: real noise, whose tails, colour and floor
 #: are not quite those that are drawn, alarms 1.3 times as often.
 FAMILY_WISE_LEVEL, DRAWN_LEVEL = 0.01, 0.0075
@@ -158,9 +160,9 @@ def cache_key(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal, s
     design = recipe.model_dump_json(include=_DESIGN)
     unsure = [round(e / ERROR_STEP) for e in problem.view.contrast_noise.errors]
     at_bounds = bound_sides(fitted, problem.upper)
-    return repr(
-        (NULL_CACHE_VERSION, at_bounds, design, grid.slot.shape, grid.data, grid.k, relative, unsure, shown, seed)
-    )
+    key = (NULL_CACHE_VERSION, at_bounds, design, grid.slot.shape, grid.data, grid.k, relative, unsure, shown, seed)
+    # Sizes that axes have of their own, to a factor, too.
+    return repr((*key, *(round(2 * float(np.log2(max(x, LEAST_SIZE)))) for x in problem.structure.sizes)))
 
 
 def _candidate_kinds(projected: ProjectedBank) -> list[tuple[str, str, str, int]]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from station.diagnosis.candidates import kernels as generic
 from station.diagnosis.search.alarm import UNKNOWN_NATS, NullDistribution
+from station.diagnosis.search.axes_apart import search_in_floor
 from station.diagnosis.search.candidate_banks import CandidateBanks
 from station.diagnosis.search.cause_chains import Chain, chain, in_parts
 from station.diagnosis.search.certainty import as_certain_together
@@ -74,7 +75,7 @@ def search_causes(problem: ScoringProblem, null_of: NullFactory, law_of: LawFact
 
 def search_unchecked(problem: ScoringProblem, null_of: NullFactory, law_of: LawFactory | None = None) -> SearchResult:
     """The same, with each finding's probability against causes and kernels only."""
-    search = CauseSearch(problem, null_of)
+    search = search_in_floor(problem, null_of)
     found, law = _one_after_another(search, law_of)
     state = found[-1][1] if found else search.first
     statistics = [search.first.statistic, *(after.statistic for f, after in found if not f.words)]
@@ -84,7 +85,7 @@ def search_unchecked(problem: ScoringProblem, null_of: NullFactory, law_of: LawF
         # What was left beside a cause that was not at its best yet.
         findings = tuple(f for f in findings if not f.words) or findings
     return SearchResult(
-        problem,
+        search.first.problem,
         state.problem,
         findings,
         tuple(statistics),
