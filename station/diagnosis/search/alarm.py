@@ -38,6 +38,9 @@ LEAST_SIZE = 1 / 16
 FAMILY_WISE_LEVEL, DRAWN_LEVEL = 0.01, 0.0075
 #: A cause worth fewer nats than this, odds of three to one, explains no alarm.
 EXPLAINS_NATS = 1.1
+#: What readings say with fewer nats than this, odds of twenty to one, is no alarm, however rare drawn noise says it:
+#: real noise is not quite that, and a cause that is there explains more before it is found.
+ALARMS_NATS = 3.0
 #: A kernel must be ahead of chance, and of every cause of the library, by this many nats to be "something unknown".
 UNKNOWN_NATS = 3.0
 #: Probabilities below the tail at which a cause's null scores are kept, and where its exponential tail begins.
@@ -66,10 +69,11 @@ class NullDistribution:
         tail = np.maximum(score - self.start[name], 0.0) / (self.scale[name] * np.log(10))
         return np.asarray(-np.log10(below) + tail)
 
-    def surprise(self, scores: Mapping[str, Floats]) -> Floats:
-        """The largest −log₁₀ p (n) of the causes' scores, of those that explain enough to be named; 0 without any."""
+    def surprise(self, scores: Mapping[str, Floats], least: float = EXPLAINS_NATS) -> Floats:
+        """The largest −log₁₀ p (n) of the causes' scores, of those worth at least so many nats, and of the kernels of
+        those that explain enough to be named; 0 without any."""
         each = [
-            np.where(s >= (UNKNOWN_NATS if name in KERNEL_NAMES else EXPLAINS_NATS), self.minus_log10_p(name, s), 0.0)
+            np.where(s >= (UNKNOWN_NATS if name in KERNEL_NAMES else least), self.minus_log10_p(name, s), 0.0)
             for name, s in scores.items()
         ]
         return np.asarray(np.max(each, axis=0)) if each else np.zeros(1)
@@ -137,8 +141,10 @@ def _tails_of(scores: Mapping[str, Floats]) -> NullDistribution:
 
 
 def statistic(null: NullDistribution, evidence: Mapping[str, float]) -> float:
-    """The largest −log₁₀ p over the causes."""
-    return float(null.surprise({name: np.array([e]) for name, e in evidence.items()})[0])
+    """The largest −log₁₀ p over the causes; no more than the threshold of what explains too little to alarm."""
+    scores = {name: np.array([e]) for name, e in evidence.items()}
+    some, enough = (float(null.surprise(scores, least)[0]) for least in (EXPLAINS_NATS, ALARMS_NATS))
+    return max(enough, min(some, null.threshold))
 
 
 def chance_of(statistic: float, threshold: float) -> float:
