@@ -14,7 +14,7 @@ from station.domain.core.types import Floats, Frames
 from station.domain.recipe import plan
 from station.domain.recipe.plan import PlannedVisit
 from station.errors import UsageError
-from station.model.climate import Swing, climate, motor_level
+from station.model.climate import Climate, Swing, climate, motor_level
 from station.model.forward import (
     ActiveEffects,
     convert_output,
@@ -99,9 +99,10 @@ class Rig:
 
     def temperature_degC(self, nest: str, time_s: Floats) -> Floats:
         """What the thermometer of the unit in a nest shows (n)."""
-        scene = self._at(nest, np.asarray(time_s, float))[0]
-        noise = THERMOMETER_STD * self._unit(nest).thermometer.standard_normal(len(scene))
-        return scene.require("temperature_degC") + noise
+        at_s = np.asarray(time_s, float)
+        bare, _ = self._bare(nest, at_s)
+        noise = THERMOMETER_STD * self._unit(nest).thermometer.standard_normal(len(at_s))
+        return np.asarray(self._climate(bare, at_s)["temperature_degC"] + noise)
 
     def rate_error(self, nest: str) -> float:
         """How much faster than its data sheet the unit in a nest samples, relative."""
@@ -133,6 +134,13 @@ class Rig:
 
     def _at(self, nest: str, time_s: Floats) -> tuple[Scene, ActiveEffects]:
         """The scene of instants (n) for a nest, and the causes at work in it."""
+        bare, active = self._bare(nest, time_s)
+        departs = np.array([w.departs_s for w in self._moves_done])
+        visit = np.maximum(np.searchsorted(departs, time_s, side="right") - 1, 0)
+        return self._conditions(bare, visit, time_s), active
+
+    def _bare(self, nest: str, time_s: Floats) -> tuple[Scene, ActiveEffects]:
+        """The visits of a nest so far, without an instant, and the causes at work in them."""
         seat = self._unit(nest)
         if not self._moves_done:
             # Parked: as if on the way to the first visit, not yet left.
@@ -142,10 +150,7 @@ class Rig:
             none = np.zeros(0, np.intp)
             bare = Scene(self._job.recipe, seat.visits(self._moves_done), none, np.zeros(0))
             self._scenes[nest] = bare, seat.active(bare)
-        bare, active = self._scenes[nest]
-        departs = np.array([w.departs_s for w in self._moves_done])
-        visit = np.maximum(np.searchsorted(departs, time_s, side="right") - 1, 0)
-        return self._conditions(bare, visit, time_s), active
+        return self._scenes[nest]
 
     def _first(self) -> PlannedVisit:
         """The recipe's first visit."""
@@ -165,19 +170,22 @@ class Rig:
 
     def _conditions(self, bare: Scene, visit: NDArray[np.intp], time_s: Floats) -> Scene:
         """The scene at instants (n), with what thermometer, clock and motors would tell."""
-        job, one = self._job, np.ones(len(time_s))
-        how = plan.run_of_pass(job.recipe, int(bare.visits.run[0]))
-        started = self._started_s * one
-        since = np.maximum(time_s - started, 0.0)
-        powered, clamped = started - self._powered_s, started - self._clamped_s
-        offset = how.temperature_offset_degC * one
-        length_s = self._duration_s(int(bare.visits.run[0]))
-        swing = Swing(how.temperature_swing_degC * one, length_s * one)
         return replace(
             bare,
             visit=visit,
-            time_s=since,
+            time_s=np.maximum(time_s - self._started_s, 0.0),
             since_arrival_s=np.maximum(time_s - self._arrivals()[visit], 0.0),
             motor=np.array([w.motor for w in self._moves_done])[visit],
-            **climate(since, started, powered, clamped, offset, swing, line=job.line, seed=job.seed),
+            **self._climate(bare, time_s),
         )
+
+    def _climate(self, bare: Scene, time_s: Floats) -> Climate:
+        """Temperature and clocks at instants (n)."""
+        job, one, run = self._job, np.ones(len(time_s)), int(bare.visits.run[0])
+        how = plan.run_of_pass(job.recipe, run)
+        started = self._started_s * one
+        since = np.maximum(time_s - started, 0.0)
+        powered, clamped = started - self._powered_s, started - self._clamped_s
+        swing = Swing(how.temperature_swing_degC * one, self._duration_s(run) * one)
+        offset = how.temperature_offset_degC * one
+        return climate(since, started, powered, clamped, offset, swing, line=job.line, seed=job.seed)
