@@ -241,6 +241,29 @@ def test_a_cause_is_compared_together_with_those_that_it_cannot_be_told_from(
     assert together < 0.5 * alone
 
 
+def _root_of_step(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
+    """What grows with the root of the step from the position before."""
+    step = w.before - w.a
+    return w.a, 1e-3 * rng.normal(size=3) * np.sign(step) * np.sqrt(np.abs(step))
+
+
+@pytest.mark.parametrize(("hidden", "ahead"), [(_root_of_step, True), (KNOWN["hysteresis"], False)])
+def test_laws_that_stand_still_are_weighed_beside_a_cause_that_moves_within_the_dwells(
+    hidden: Hidden, ahead: bool
+) -> None:
+    """What moves is seen beside quiet contrasts, and would seem to explain twice as much: no law would be near it."""
+    table, _ = hide(recipe(1), hidden, 5, units=1, d=25.0)
+    bare = initial_problem(reduce_samples(recipe(1), table), FloorAllowance.of(recipe(1), Model()))
+    (effect,) = (e for e in cause_library(recipe(1)) if e.id == "hysteresis")
+    shapes = [c for c in candidates(effect, bare.view) if c.of == "unit"]
+    now = score_bank(bare, [build_bank(shapes, bare.view.layout, moving=False)], bare.fit().floor)
+    known = refined(bare.with_accepted([now.accept(shapes[0], bare.view)]))
+    laws = compare_laws(known, 0, known.fit().floor, ("settling",))
+    assert np.isfinite(laws.lead)
+    assert laws.is_ahead is ahead
+    assert not ahead or laws.words == ("order",)
+
+
 def _late(w: World, rng: np.random.Generator) -> tuple[Array, Array]:
     """What comes on in the last part of each dwell."""
     return w.a, 1e-3 * rng.normal(size=3) * (w.away > 0.5)[:, None]

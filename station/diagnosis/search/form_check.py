@@ -273,7 +273,8 @@ def _ranked(
     if not promising:
         return {}
     names = {law.name for law in promising}
-    ranks = rank_causes(problem, *_under(problem, [*causes, *promising], floor), tuple(names))
+    banks, first = _under(problem, [*causes, *promising], floor)
+    ranks = rank_causes(problem, banks, first, tuple(names), [*_as_they_are(problem, banks)])
     return {name: r for name, r in ranks.items() if r.best is not None}
 
 
@@ -289,13 +290,22 @@ def _promising(
     some = [*causes, *(found := list(islice(following, at_once)))]
     while some:
         if some := sampled.not_far_behind(some):
-            first = _under(problem, some, floor)[1]
-            values = first.totals() - first.without()
+            banks, first = _under(problem, some, floor)
+            without = np.max([m.in_each_space() for m in (first, *_as_they_are(problem, banks))], axis=0)
+            values = first.totals() - without[first.best.space_index]
             totals |= {c.name: float(x) for c, x in zip(first.candidates, values, strict=True)}
         least = max(totals.values()) - PROMISING_NATS
         kept = [law for law in (*kept, *found) if totals.get(law.name, -np.inf) > least]
         some = found = list(islice(following, at_once))
     return kept
+
+
+def _as_they_are(problem: ScoringProblem, banks: Sequence[Bank]) -> Iterator[WalkMarginal]:
+    """The readings without any candidate under the floor that fits them best, where some candidates move within the
+    visits and others do not: means that a floor with the cause finds far off weigh less beside quiet dwells, so that
+    what moves would seem to explain twice as much."""
+    if len(banks) > 1:
+        yield WalkMarginal(score_bank(problem, [bank.only([]) for bank in banks], problem.fit().floor), (), ())
 
 
 class _SampledLaws:

@@ -34,16 +34,19 @@ def chance_of_lead(
     # Where nothing moves within the visits, what does is no space to look at.
     banks = [build_bank(items, bare.view.layout, moving=moving) for moving in sorted({c.moving for c in items})]
     like = WalkMarginal(score_bank(bare, banks, floor), (), ())
-    names = {c.name for c in forms}
+    # What moves within the visits and what does not are seen in spaces of their own, under one floor not comparable.
+    alike = [{c.name for c in items if c.moving == moving} for moving in sorted({c.moving for c in forms})]
     drawn = null_simulation.scores(bare, problem.fit(floor), like, SEED, SETS, _signal(problem, bare))
-    ahead = np.concatenate([_lead(scores, names) for scores in drawn])
+    own = {c.name for c in forms}
+    ahead = np.concatenate([np.max([_lead(scores, own, some) for some in alike], axis=0) for scores in drawn])
     return float(np.mean(ahead >= lead))
 
 
-def _lead(scores: Mapping[str, Floats], forms: set[str]) -> Floats:
-    """By how much the best law is ahead of the best form (n)."""
-    own = np.max([s for name, s in scores.items() if name in forms], axis=0)
-    return np.asarray(np.max([s for name, s in scores.items() if name not in forms], axis=0) - own)
+def _lead(scores: Mapping[str, Floats], forms: set[str], alike: set[str]) -> Floats:
+    """By how much the best law is ahead of the best form (n), of those that are seen alike."""
+    own = np.max([s for name, s in scores.items() if name in forms & alike], axis=0)
+    laws = [s for name, s in scores.items() if name in alike - forms]
+    return np.asarray(np.max(laws, axis=0) - own if laws else np.full_like(own, -np.inf))
 
 
 def _signal(problem: ScoringProblem, bare: ScoringProblem) -> DataColumns:

@@ -59,10 +59,14 @@ def leaders(ranks: Mapping[str, RankedCause]) -> tuple[RankedCause | None, Ranke
 
 
 def rank_causes(
-    problem: ScoringProblem, banks: Sequence[Bank], first: WalkMarginal, words: Sequence[str]
+    problem: ScoringProblem,
+    banks: Sequence[Bank],
+    first: WalkMarginal,
+    words: Sequence[str],
+    beside: Sequence[WalkMarginal] = (),
 ) -> dict[str, RankedCause]:
     """Every cause in the readings under the best of the floors visited, `first` the one without any of them. words: the
-    kernels.
+    kernels; beside: more floors without any of them.
 
     Without a cause the readings, too, have the best of these floors: what a floor gains by itself speaks for none. A
     floor whose scale, once free, would take its walk or its turns beyond what is allowed is none for them.
@@ -73,7 +77,7 @@ def rank_causes(
     while now is not None and len(visited) < 6:
         visited.append(now)
         fair = [m for m in visited[1:] if _is_allowed(problem, m.best.floor, first.best.floor)]
-        zero, best = np.max([marginal.in_each_space() for marginal in (first, *fair)], axis=0), {}
+        zero, best = np.max([marginal.in_each_space() for marginal in (first, *beside, *fair)], axis=0), {}
         for marginal in visited:
             keep_best(best, marginal, zero[marginal.best.space_index])
         now = _next_floor(problem, banks, best, visited, words)
