@@ -11,7 +11,13 @@ from station.diagnosis.search.cause_chains import Chain, chain, in_parts
 from station.diagnosis.search.certainty import as_certain_together
 from station.diagnosis.search.extent import ranks_in_extent
 from station.diagnosis.search.finding import CauseFinding, depends_on, is_unknown, unknown_finding
-from station.diagnosis.search.form_check import compare_laws, compare_laws_with_kernel, compare_laws_with_scatter
+from station.diagnosis.search.form_check import (
+    RivalLaws,
+    compare_laws,
+    compare_laws_with_kernel,
+    compare_laws_with_scatter,
+)
+from station.diagnosis.search.one_law import laws_of_two
 from station.diagnosis.search.other_starts import best_of_starts
 from station.diagnosis.search.rank import RankedCause, causes_of, leaders
 from station.diagnosis.search.scoring import ScoredBank, ScoringProblem
@@ -148,6 +154,7 @@ def with_forms_checked(found: SearchResult) -> SearchResult:
     are ahead of a cause."""
     problem, last = found.first, found.last
     checked, words, i = list[CauseFinding](), list[str](), len(problem.accepted)
+    of_two = list(laws_of_two(last, range(i, len(last.accepted))))
     for finding in found.findings:
         if finding.words:
             laws = compare_laws_with_kernel(last, finding)
@@ -158,6 +165,8 @@ def with_forms_checked(found: SearchResult) -> SearchResult:
             checked.append(replace(finding, words=laws.words) if laws.is_ahead else laws.judged(finding))
         else:
             laws = compare_laws(last, i, last.fit().floor, finding.indistinguishable_from)
+            together = [RivalLaws(law.lead, law.words) for law in of_two if i in law.places]
+            laws = max((laws, *together), key=lambda found: found.nats)
             checked.append(laws.judged(finding))
             words += laws.words if laws.is_ahead else ()
             i += 1

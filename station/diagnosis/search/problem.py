@@ -19,7 +19,7 @@ from station.diagnosis.data.residuals import (
     with_contrast_noise,
 )
 from station.diagnosis.linear.noise_floor import FloorStructure, floor_structure
-from station.diagnosis.linear.projection import FloorCovariance
+from station.diagnosis.linear.projection import FloorCovariance, ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
 from station.domain.core.types import Floats
 from station.domain.recipe.recipe import Recipe
@@ -234,7 +234,9 @@ def _converged(noise: float, steps: list[Floats]) -> bool:
     return all(float(np.max(np.abs(s), initial=0.0)) < 1e-3 * noise for s in steps)
 
 
-def marginal_nats(problem: ScoringProblem) -> float:
-    """Log-likelihood of the readings beside everything known, with the coefficients fitted under their priors."""
+def marginal_nats(problem: ScoringProblem, space: ResidualSpace | None = None) -> float:
+    """Log-likelihood of the readings beside everything known, with the coefficients fitted under their priors, in a
+    space, or else in that of the floor that fits best."""
     priors = np.concatenate([problem.known.per_unit_precision.ravel(), problem.known.shared_precision])
-    return problem.fit().space.profile + 0.5 * float(np.sum(np.log(priors[priors > 0])))
+    space = problem.fit().space if space is None else space
+    return space.profile + 0.5 * float(np.sum(np.log(priors[priors > 0])))
