@@ -18,7 +18,7 @@ SIX_FACES, LEAST_POSES = "six-faces", 9
 
 
 def called_after_faces(visited: Sequence[tuple[UnitRecording, Visits]]) -> list[tuple[UnitRecording, Visits]]:
-    """The visits of all passes with the names of the faces that point up, where they lie on these; else as they came."""
+    """The visits of all passes, called after the faces that point up where all lie on these; else as they came."""
     if not all(one.recording.unit == "g" and _lie_on_faces(pose_readings(one, v)) for one, v in visited):
         return list(visited)
     return [(one, _called(one, v)) for one, v in visited]
