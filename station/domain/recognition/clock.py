@@ -26,6 +26,8 @@ EPOCH_S = (5e8, 5e9)
 COARSE, LEAST_CHANGES = 0.2, 4
 #: Fewer different stamps than this, of many readings, have lost their digits.
 FEWEST_STAMPS = 4
+#: A step so many times the usual one is a pause.
+PAUSE_STEPS = 50.0
 #: A clock is steady where this share of its steps is within this share of the usual one.
 MOSTLY, STEADY = 0.95, 0.2
 #: More stamps than this share going back, and the rows are out of order.
@@ -156,12 +158,17 @@ def _continued(raw: Floats) -> tuple[Floats, int]:
 
 def _by_size(raw: Floats, first: float, rate_hz: float) -> str:
     """The unit in which stamps are of this day, or come nearest to a rate."""
-    span = float(raw[-1] - raw[0])
-    if not span > 0:
+    steps = np.diff(raw)
+    if not (steps > 0).any():
         return "s"
-    rates = {unit: (len(raw) - 1) / (span * size) for unit, size in TIME_UNITS.items()}
-    usual = {unit: rates[unit] for unit in ("s", "ms", "us", "ns")}
-    fits = {unit: rate for unit, rate in usual.items() if LEAST_HZ <= rate <= MOST_HZ}
+    # A pause, or a first stamp that is stale, may be longer than all the readings took.
+    usual = steps[steps <= PAUSE_STEPS * np.median(steps[steps > 0])]
+    span = float(usual.sum())
+    if not span > 0:
+        usual, span = steps, float(raw[-1] - raw[0])
+    rates = {unit: len(usual) / (abs(span) * size) for unit, size in TIME_UNITS.items()}
+    short = {unit: rates[unit] for unit in ("s", "ms", "us", "ns")}
+    fits = {unit: rate for unit, rate in short.items() if LEAST_HZ <= rate <= MOST_HZ}
     fits = fits or {unit: rate for unit, rate in rates.items() if LEAST_HZ <= rate <= MOST_HZ} or rates
     today = [unit for unit in fits if EPOCH_S[0] < first * TIME_UNITS[unit] < EPOCH_S[1]]
     return today[0] if today else min(fits, key=lambda unit: abs(np.log(fits[unit] / rate_hz)))
