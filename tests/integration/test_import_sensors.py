@@ -217,6 +217,17 @@ def test_numbers_of_no_unit_are_not_called_counts(rng: np.random.Generator, tmp_
     assert "unknown; 19." in capsys.readouterr().out
 
 
+def test_a_file_of_angular_rates_holds_no_linear_acceleration(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Columns called after the spin say nothing of the quantity; the file does."""
+    path = tmp_path / "measured_angular_rates.csv"
+    spin = np.repeat([0.0, 1.0, 0.0, -1.0, 0.0], 400)[:, None] * [0.4, 0.2, 90.0]
+    head = "z_rotation_0,z_rotation_1,z_rotation_2"
+    np.savetxt(path, spin + 0.3 * rng.standard_normal(spin.shape), "%.5f", ",", header=head, comments="")
+    assert understood(capsys, str(path))["reading_unit"] == "deg/s"
+
+
 def test_a_list_of_turn_rates_is_no_list_of_poses(rng: np.random.Generator, tmp_path: Path) -> None:
     path = tmp_path / "gyro.csv"
     np.savetxt(path, np.round(sphere(rng, 160) * 800 + 2000), fmt="%d", delimiter=",")

@@ -21,7 +21,7 @@ STILL = 0.05
 #: The length of a field that is turned scatters by less than this share of it.
 STEADY = 0.15
 #: Words of a file's name that tell a quantity, makers' names of sensors of it alone among them.
-_WORDS = {"g": r"^(acc|adxl)", "deg/s": r"^gyr", "uT": r"^(mag|compass|kompass|hmc|qmc|bmm)"}
+_WORDS = {"g": r"^(acc|adxl)", "deg/s": r"^(gyr|angular)", "uT": r"^(mag|compass|kompass|hmc|qmc|bmm)"}
 #: And one that says that it holds several sensors.
 _SEVERAL = r"^inertial"
 
