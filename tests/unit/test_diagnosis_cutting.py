@@ -200,3 +200,17 @@ def test_a_pose_that_was_not_left_between_visits_is_met_once() -> None:
     assert np.array_equal(whole_rests(faces, made).visit, placed)
     free = replace(made, position=Labels(tuple(f"still-{i}" for i in range(13)), visit.astype(np.int32)))
     assert recut(load_recipe("hand-held"), free).as_it_came
+
+
+def test_a_loop_with_pauses_is_the_same_however_it_is_cut() -> None:
+    """A logger that stalls now and then: where a cut fell on a pause a stay ended, and where it did not it went on."""
+    t = np.arange(30_000) / 100.0
+    # Rows between which all, some and none of the cuts fall.
+    for row in (1500, 4250, 6000, 7777, 12_000, 20_500, 21_000, 23_333, 27_300):
+        t[row:] += 3.0
+    one_pose = fast().model_copy(update={"positions": fast().positions[:1]})
+    cuts = [recut(one_pose, table(t, np.arange(len(t)) // (100 * s))).table for s in (5, 10, 30, 60)]
+    assert all(np.array_equal(cut.visit, cuts[0].visit) for cut in cuts)
+    # Dwells of which each is whole are visits, though the unit was never left.
+    dwells = table(np.arange(1200) / 100.0 + 2.0 * (np.arange(1200) // 100), np.arange(1200) // 100)
+    assert recut(one_pose, dwells).as_it_came

@@ -30,6 +30,8 @@ LEAST_STRETCHES = 4
 LEAST_RESTS, USUAL_REST_S, LONGEST_REST_S = 7, 60.0, 300.0
 #: Sample periods that may lie between two visits of one stay.
 MAX_GAP_PERIODS = 3.0
+#: A dwell that is interrupted for so long (s), in this share of the visits, is a piece of a recording.
+PAUSE_S, PAUSED_SHARE = 1.0, 0.02
 #: Share of the stimulus by which two visits of one stay may differ where nobody knows the pose.
 MAX_LENGTH_STEP = 0.02
 
@@ -189,10 +191,19 @@ def _joined(recipe: Recipe, table: SampleTable, first: NDArray[np.intp], period:
     if recipe.pose_known and len(recipe.positions) > 1 and _are_rests(table, first[np.r_[True, ~same]]):
         # What a hand left in its pose and turned about the vertical was not placed anew.
         return np.asarray(same)
-    same &= gap <= MAX_GAP_PERIODS * period
+    # Nor do pauses part the visits of one pose that hold such pauses themselves: they are no more than a cut.
+    if not (len(recipe.positions) == 1 and _holds_pauses(table, first, period)):
+        same &= gap <= MAX_GAP_PERIODS * period
     if not recipe.pose_known and same.any():
         count = np.diff(np.append(first, len(table)))[:, None]
         mean = np.add.reduceat(table.reading, first, axis=0) / count
         step = np.linalg.norm(np.diff(mean, axis=0), axis=1)
         same &= step < MAX_LENGTH_STEP * np.median(np.linalg.norm(mean, axis=1))
     return np.asarray(same)
+
+
+def _holds_pauses(table: SampleTable, first: Rows, period: float) -> bool:
+    """Whether visits are interrupted, as no dwell is, for longer than frames are lost."""
+    apart = np.diff(table.time_s, prepend=table.time_s[:1])
+    apart[first] = 0.0
+    return bool(np.count_nonzero(apart > max(PAUSE_S, MAX_GAP_PERIODS * period)) > PAUSED_SHARE * len(first))
