@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 
 from station.diagnosis.candidates.bank import cause_library
 from station.diagnosis.linear.noise_floor import NoiseFloor
-from station.diagnosis.planning.chance import PROMISED_SETS, SimulatedChance, shared_out, simulated_plan
+from station.diagnosis.planning.bench import WarmingBench
+from station.diagnosis.planning.chance import PROMISED_SETS, PlanSimulator, SimulatedChance, shared_out
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_readings import NextReadings
 from station.diagnosis.planning.plan import PlannedRuns
-from station.diagnosis.planning.proposal import propose
+from station.diagnosis.planning.proposal import promised, propose, rated_runs
 from station.diagnosis.planning.run_menu import run_menu
 from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, suspects_of, usual_shapes
 from station.model.simulate import SimulationJob, simulate
@@ -75,7 +76,8 @@ def test_a_plan_is_likelier_the_stronger_its_causes_are_and_sure_of_strong_ones(
     shares = []
     for d in (4.0, 40.0):
         tie = CauseTie(CauseHypothesis(tilt, "nest", 1e-3), ("package-rotation",), d)
-        found = simulated_plan(campaign, runs, [suspects_of(campaign, tie)], PROMISED_SETS)
+        lines_up = [suspects_of(campaign, tie)]
+        found = PlanSimulator.of(campaign, runs, lines_up).simulated(lines_up, PROMISED_SETS)
         shares.append(found.chance.share)
     assert shares[0] < 0.8
     assert shares[1] > 0.95
@@ -89,3 +91,16 @@ def test_no_run_is_proposed_for_a_visit_that_was_disturbed_once() -> None:
     campaign = MeasuredCampaign(recipe, units=1, nests=1, floor=NoiseFloor(1e-4, 0.0, 0.0))
     tie = CauseTie(CauseHypothesis(disturbed, "visit", 1e-3), ("temperature-rate",), 20.0)
     assert propose(campaign, [tie]) is None
+
+
+def test_what_chose_a_run_is_not_made_again_to_promise_by() -> None:
+    recipe = load_job("six-point")[0].recipe
+    tilt = next(e for e in cause_library(recipe) if e.id == "nest-tilt")
+    warmed = WarmingBench(since_power_s=np.array([10.0, 60.0]), more_degC_s=np.zeros(2))
+    campaign = MeasuredCampaign(recipe, units=1, nests=1, floor=NoiseFloor(1e-4, 0.0, 0.0), bench=warmed)
+    assert campaign.on_drifting_bench is campaign.on_drifting_bench is not None
+    ties = [CauseTie(CauseHypothesis(tilt, "nest", 1e-3), ("package-rotation",), 20.0)]
+    once = promised(campaign, next(rated_runs(campaign, ties)), ties)
+    again = promised(campaign, once, ties)
+    assert list(again.simulators.values()) == list(once.simulators.values()) != []
+    assert again.chance == once.chance

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from station.diagnosis.candidates.bank import Candidate
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.next_readings import NextReadings
-from station.diagnosis.planning.plan import PlannedRuns
+from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.promise import TrueAndOther
 from station.diagnosis.planning.simulated_diagnosis import SimulatedDiagnosis
 from station.diagnosis.planning.suspects import Suspects, suspect_candidate, usual_shapes
@@ -63,50 +64,68 @@ class SimulatedPlan:
     parted: Mapping[TrueAndOther, float]
 
 
-def simulated_plan(
-    campaign: MeasuredCampaign,
-    runs: PlannedRuns,
-    lines_up: Sequence[Suspects],
-    sets: SetsToDraw,
-    new: Sequence[str] = (),
-) -> SimulatedPlan:
-    """What simulated diagnoses of a longer campaign say; a cause of a tie is true in as many sets as it is likely. new:
-    causes that only the new runs can show, none of which is true."""
-    plan, rng = campaign.gone_on(runs), np.random.default_rng(sets.seed)
-    names = tuple(dict.fromkeys([*(name for suspects in lines_up for name in suspects.members), *new]))
-    shapes = {name: usual_shapes(plan, name) for name in names}
-    # A cause follows the temperature, not the thermometer.
-    truth = campaign.gone_on(runs, exact=True) if _reads_thermometer(lines_up) else plan
-    diagnosis = SimulatedDiagnosis(plan, shapes, campaign.null)
-    scale = np.array([plan.floor.variances[0] / campaign.floor.variances[0], 1.0, 1.0])
-    readings = NextReadings(plan.problem, plan.floor, campaign.spread * np.outer(scale, scale), campaign.known_runs)
-    right = np.ones(sets.count, bool)
-    pairs: dict[TrueAndOther, list[Array]] = {}
-    for suspects in lines_up:
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanSimulator:
+    """A longer campaign of which diagnoses are simulated: its shapes of each cause by name, those of it as the true
+    temperature has them, the diagnosis and what draws readings. What costs most is made once for all sets."""
+
+    plan: PlannedCampaign
+    truth: PlannedCampaign
+    shapes: Mapping[str, Sequence[Candidate]]
+    diagnosis: SimulatedDiagnosis
+    readings: NextReadings
+
+    @staticmethod
+    def of(
+        campaign: MeasuredCampaign, runs: PlannedRuns, lines_up: Sequence[Suspects], new: Sequence[str] = ()
+    ) -> "PlanSimulator":
+        """Of a campaign with more runs; new: causes that only these can show, none of which is true."""
+        plan = campaign.gone_on(runs)
+        names = tuple(dict.fromkeys([*(name for suspects in lines_up for name in suspects.members), *new]))
+        shapes = {name: usual_shapes(plan, name) for name in names}
+        # A cause follows the temperature, not the thermometer.
+        truth = campaign.gone_on(runs, exact=True) if _reads_thermometer(lines_up) else plan
+        scale = np.array([plan.floor.variances[0] / campaign.floor.variances[0], 1.0, 1.0])
+        readings = NextReadings(plan.problem, plan.floor, campaign.spread * np.outer(scale, scale), campaign.known_runs)
+        return PlanSimulator(plan, truth, shapes, SimulatedDiagnosis(plan, shapes, campaign.null), readings)
+
+    def simulated(self, lines_up: Sequence[Suspects], sets: SetsToDraw) -> SimulatedPlan:
+        """What diagnoses of drawn sets say; a cause of a tie is true in as many sets as it is likely."""
+        rng = np.random.default_rng(sets.seed)
+        right = np.ones(sets.count, bool)
+        pairs: dict[TrueAndOther, list[Array]] = {}
+        for suspects in lines_up:
+            one_tie = self._right(suspects, sets.count, rng, pairs)
+            # Which set of one tie goes with which of another is chance; of a single one the order is kept.
+            right &= one_tie if suspects is lines_up[0] else rng.permutation(one_tie)
+        parted_share = {pair: float(np.mean(np.concatenate(each))) for pair, each in pairs.items()}
+        return SimulatedPlan(SimulatedChance(int(right.sum()), len(right)), parted_share)
+
+    def _right(
+        self, suspects: Suspects, sets: int, rng: np.random.Generator, pairs: dict[TrueAndOther, list[Array]]
+    ) -> Array:
+        """Which of so many sets leave the right cause of one tie alone; adds to pairs which of them part each two."""
         causes = zip(suspects.tie.names, suspects.tie.likely, suspects.causes, strict=True)
         likely = [(name, p * one.share, one) for name, p, shaped in causes for one in shaped]
-        counts = shared_out(np.array([p for _, p, _ in likely]), len(right))
+        counts = shared_out(np.array([p for _, p, _ in likely]), sets)
         drawn = list[NullNoise]()
         for (name, _, one), count in zip(likely, counts, strict=True):
-            candidate = suspect_candidate(truth, one, shapes[name] if truth is plan else usual_shapes(truth, name))
+            shapes = self.shapes[name] if self.truth is self.plan else usual_shapes(self.truth, name)
+            candidate = suspect_candidate(self.truth, one, shapes)
             for first in range(0, int(count), SETS_OF_A_FLOOR):
                 together = min(SETS_OF_A_FLOOR, int(count) - first)
-                drawn.append(readings.sets(candidate.plain or candidate, one.size, together, rng))
-        found, ends, judged = [], np.cumsum(counts), diagnosis.judged(drawn)
+                drawn.append(self.readings.sets(candidate.plain or candidate, one.size, together, rng))
+        found, ends, judged = [], np.cumsum(counts), self.diagnosis.judged(drawn)
         for (name, _, _), count, end in zip(likely, counts, ends, strict=True):
             mine = judged.of_rows(slice(int(end - count), int(end)))
-            alone = diagnosis.names_right(name, mine)
-            for other in names if count else ():
+            alone = self.diagnosis.names_right(name, mine)
+            for other in self.shapes if count else ():
                 if other != name:
-                    parted = diagnosis.parts(name, other, mine)
+                    parted = self.diagnosis.parts(name, other, mine)
                     pairs.setdefault((min(name, other), max(name, other)), []).append(parted)
                     alone &= parted
             found.append(alone)
-        one_tie = np.concatenate(found)
-        # Which set of one tie goes with which of another is chance; of a single one the order is kept.
-        right &= one_tie if suspects is lines_up[0] else rng.permutation(one_tie)
-    parted_share = {pair: float(np.mean(np.concatenate(each))) for pair, each in pairs.items()}
-    return SimulatedPlan(SimulatedChance(int(right.sum()), len(right)), parted_share)
+        return np.concatenate(found)
 
 
 def _reads_thermometer(lines_up: Sequence[Suspects]) -> bool:

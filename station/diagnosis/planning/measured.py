@@ -54,6 +54,7 @@ class MeasuredCampaign:
     _longer: dict[tuple[int, bool], tuple[PlannedRuns, PlannedCampaign]] = field(
         default_factory=dict, init=False, repr=False
     )
+    _drifting: "list[MeasuredCampaign]" = field(default_factory=list, init=False, repr=False)
 
     @property
     def known_runs(self) -> int:
@@ -71,7 +72,10 @@ class MeasuredCampaign:
         each power-on, or where none says how it warms."""
         if len(self.recipe.runs) > 1 or not len(self.bench.since_power_s):
             return None
-        return replace(self, bench=replace(self.bench, goes_on=True))
+        if not self._drifting:
+            # One for all who ask: what was planned on it stays planned.
+            self._drifting.append(replace(self, bench=replace(self.bench, goes_on=True)))
+        return self._drifting[0]
 
     @property
     def in_one_nest(self) -> bool:

@@ -5,8 +5,9 @@ size (d) and which share of it no other cause could imitate (κ). Two causes are
 Noise is white, by the data sheet: a real floor adds to it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -45,7 +46,7 @@ RARE_LEVELS = ("run", "power-on", "visit")
 DETECTABLE_D = 3.93
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PlannedCampaign:
     """A campaign that was not measured, the floor it would have, and the space of that."""
 
@@ -54,11 +55,24 @@ class PlannedCampaign:
     space: ResidualSpace
     #: Of causes at shapes that were asked for already: each is asked for at every level.
     _columns: dict[Effect, CauseColumns] = field(default_factory=dict, init=False, repr=False)
+    #: Candidates of each cause that was asked for already, by its id.
+    _candidates: dict[str, list[Candidate]] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def of(problem: ScoringProblem, floor: NoiseFloor) -> "PlannedCampaign":
         """The campaign under a floor."""
         return PlannedCampaign(problem, floor, problem.space(floor, moving=True))
+
+    @cached_property
+    def library(self) -> tuple[Effect, ...]:
+        """Every cause that can act in its recipe."""
+        return cause_library(self.problem.view.scene.recipe)
+
+    def candidates_of(self, name: str, found: Callable[[], list[Candidate]]) -> list[Candidate]:
+        """The candidates of a cause, found once."""
+        if name not in self._candidates:
+            self._candidates[name] = found()
+        return self._candidates[name]
 
     def at_form(self, candidate: Candidate, effect: Effect) -> Candidate:
         """A candidate at another shape: it is the same at all levels."""

@@ -6,12 +6,12 @@ could imitate: d·√κ (docs/diagnosis.md). What of it is promised is in `promi
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 
 import numpy as np
 
-from station.diagnosis.planning.chance import CHOOSING_SETS, PROMISED_SETS, SetsToDraw, SimulatedChance, simulated_plan
+from station.diagnosis.planning.chance import CHOOSING_SETS, PROMISED_SETS, PlanSimulator, SetsToDraw, SimulatedChance
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import PlannedRuns, least_distinct_share
 from station.diagnosis.planning.promise import Promise, TrueAndOther
@@ -32,7 +32,7 @@ from station.domain.recipe.blocks import Run
 from station.domain.recipe.recipe import Recipe
 
 #: Certainty that is enough, the gain that another run must bring, runs at most and those that may bring none on their
-#: own.
+#: own: none where the best is likely enough already.
 SUFFICIENT_CERTAINTY, LEAST_GAIN, MAX_RUNS, MOST_IN_VAIN = 0.95, 0.05, 4, 1
 #: How many of those that the bound ranks first are simulated for the first run, one less for each after it; one less
 #: again where units times positions are more than so many: a simulated diagnosis takes up to a second there.
@@ -54,7 +54,7 @@ class Proposal:
     """One or more runs: the longer campaign, in words, how long the new runs take, and what they promise.
 
     chance: of simulated diagnoses; next_nest: whether the plan reckons with each unit in the next nest, another_nest:
-    in one that nothing was measured in."""
+    in one that nothing was measured in; simulators: those made for it, by the id of the bench's campaign."""
 
     campaign: PlannedRuns
     change: str
@@ -63,6 +63,7 @@ class Proposal:
     chance: SimulatedChance | None = None
     next_nest: bool = False
     another_nest: bool = False
+    simulators: Mapping[int, PlanSimulator] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def recipe(self) -> Recipe:
@@ -113,7 +114,7 @@ def propose(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> Proposal | 
     # What was chosen for its chance is promised by other sets than it was chosen by.
     where = replace(campaign, nests=2) if best.another_nest else campaign
     told = _on_both_benches(where, best, lines_up, PROMISED_SETS)
-    return replace(told, next_nest=campaign.nests > 1) if told.separates else None
+    return replace(told, next_nest=campaign.nests > 1, simulators={}) if told.separates else None
 
 
 def _of_a_nest(lines_up: Sequence[Suspects]) -> bool:
@@ -144,7 +145,7 @@ def _longer(campaign: MeasuredCampaign, lines_up: Sequence[Suspects], runs: int)
             best, in_vain = last, 0
         else:
             in_vain += 1
-        if best.certainty >= SUFFICIENT_CERTAINTY or in_vain > MOST_IN_VAIN:
+        if best.certainty >= SUFFICIENT_CERTAINTY or in_vain > (0 if best.certainty >= LIKELY else MOST_IN_VAIN):
             break
         if harder:
             here, other, kinds = other or here, here, []
@@ -219,9 +220,12 @@ def _simulated(
 ) -> Proposal:
     """A proposal with the chance that simulated diagnoses give it."""
     new = {other for _, other in proposal.promise.apart} - {name for s in lines_up for name in s.members}
-    found = simulated_plan(campaign, proposal.campaign, lines_up, sets, sorted(new))
+    key = id(campaign)
+    made = proposal.simulators.get(key) or PlanSimulator.of(campaign, proposal.campaign, lines_up, sorted(new))
+    found = made.simulated(lines_up, sets)
     promise = replace(proposal.promise, simulated=found.parted)
-    return replace(proposal, promise=promise, chance=found.chance)
+    simulators = {**proposal.simulators, key: made}
+    return replace(proposal, promise=promise, chance=found.chance, simulators=simulators)
 
 
 def _on_both_benches(
@@ -240,7 +244,8 @@ def _together(one: Proposal, other: Proposal) -> Proposal:
     chance = SimulatedChance(one.chance.right + other.chance.right, one.chance.sets + other.chance.sets)
     pairs = one.promise.simulated.keys() & other.promise.simulated.keys()
     parted = {pair: (one.promise.simulated[pair] + other.promise.simulated[pair]) / 2 for pair in sorted(pairs)}
-    return replace(one, promise=replace(one.promise, simulated=parted), chance=chance)
+    simulators = {**one.simulators, **other.simulators}
+    return replace(one, promise=replace(one.promise, simulated=parted), chance=chance, simulators=simulators)
 
 
 def best_proposal(found: Sequence[Proposal]) -> Proposal | None:

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from station.diagnosis.candidates.bank import Candidate, candidates, cause_library, is_testable
+from station.diagnosis.candidates.bank import Candidate, candidates, is_testable
 from station.diagnosis.candidates.kernels import disturbed_readings
 from station.diagnosis.planning.measured import MeasuredCampaign
 from station.diagnosis.planning.plan import RARE_LEVELS, PlannedCampaign, PlannedRuns
@@ -128,6 +129,10 @@ def usual_candidates(plan: PlannedCampaign, name: str) -> list[CandidateAxes]:
 
 def usual_shapes(plan: PlannedCampaign, name: str) -> list[Candidate]:
     """The same without the axes; a variance of the floor has neither shape nor level."""
+    return plan.candidates_of(name, partial(_usual_shapes, plan, name))
+
+
+def _usual_shapes(plan: PlannedCampaign, name: str) -> list[Candidate]:
     view = plan.problem.view
     effect = library_effect(plan, name)
     if effect is None or not is_testable(effect, view):
@@ -140,12 +145,12 @@ def usual_shapes(plan: PlannedCampaign, name: str) -> list[Candidate]:
 
 def library_effect(plan: PlannedCampaign, name: str) -> Effect | None:
     """A cause of the library that acts in this recipe; None where it has no course or does not."""
-    return next((e for e in cause_library(plan.problem.view.scene.recipe) if e.id == name), None)
+    return next((e for e in plan.library if e.id == name), None)
 
 
 def causes_shown(plan: PlannedCampaign) -> list[str]:
     """Ids of the causes that a campaign could show."""
-    return [e.id for e in cause_library(plan.problem.view.scene.recipe) if is_testable(e, plan.problem.view)]
+    return [e.id for e in plan.library if is_testable(e, plan.problem.view)]
 
 
 def _more_forms(effect: Effect) -> Iterator[Effect]:
