@@ -36,9 +36,10 @@ def _reader(suffix: str) -> tuple[Any, str, tuple[type[Exception], ...]]:
     from station.adapters.bus._python_can import can, mf4  # heavy, and only needed where such a log is read
 
     if suffix == ".mf4":
+        reader = mf4().MF4Reader
         from asammdf.blocks.utils import MdfException
 
-        return mf4().MF4Reader, "rb", (*_CORRUPT, MdfException)
+        return reader, "rb", (*_CORRUPT, MdfException)
     if suffix == ".blf":
         return can.BLFReader, "rb", (*_CORRUPT, can.io.blf.BLFParseError)
     return can.ASCReader, "r", _CORRUPT

@@ -10,6 +10,7 @@ from station.domain.recognition import one_clock
 from station.domain.recognition.raw_table import RawColumn, RawTable
 from station.errors import SamplesError
 from station.messages import Message
+from station.optional_imports import hide_packages
 
 
 def read(path: Path) -> list[RawTable]:
@@ -18,7 +19,9 @@ def read(path: Path) -> list[RawTable]:
 
     asammdf raises whatever its parsers come across in a damaged file: all of it means the same.
     """
-    from asammdf import MDF
+    # Where polars is there, asammdf loads it: for tables that nobody asks for here.
+    with hide_packages("polars"):
+        from asammdf import MDF
 
     bases: dict[bytes, list[RawColumn]] = {}
     try:
