@@ -13,9 +13,10 @@ from station.diagnosis.data.ringing import FALSE_RINGINGS, Ringing, find_ringing
 from station.diagnosis.data.visit_noise import sample_noise
 from station.domain.core.types import SampleTable
 from station.domain.recipe.recipe import Recipe
+from station.model.effects.settling import Settling
 from station.model.scene import visits_scene_of_table
 from tests.blind.bench import World, hide
-from tests.blind.inspection import diagnosis_of
+from tests.blind.inspection import diagnosis_of, searched
 from tests.blind.recipes import recipe
 
 
@@ -128,8 +129,9 @@ def test_a_wave_between_those_tried_is_one_however_large(frequency_hz: float, co
 
 def test_two_fast_ringings_are_named_with_their_frequencies() -> None:
     table, _ = hide(fast(), both((20.0, 0.12), (30.0, 0.12)), 4, units=2, d=35)
-    found = diagnosis_of(fast(), table)
-    assert [cause.finding.name for cause in found.causes] == ["settling", "settling"]
-    forms = [{f.field: f.value for f in cause.estimate.form} for cause in found.causes if cause.estimate]
-    assert sorted(form["frequency_hz"] for form in forms) == pytest.approx([20.0, 30.0], abs=0.5)
-    assert found.depends_on == ()
+    found = searched(fast(), table)
+    assert [finding.name for finding in found.findings] == ["settling", "settling"]
+    effects = [finding.accepted.candidate.effect for finding in found.findings if finding.accepted is not None]
+    frequencies = [effect.frequency_hz for effect in effects if isinstance(effect, Settling)]
+    assert sorted(frequencies) == pytest.approx([20.0, 30.0], abs=0.5)
+    assert found.words == ()
