@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from station.diagnosis.data.reduce import reduce_samples
 from station.diagnosis.discovery import chance
@@ -31,6 +32,7 @@ from station.diagnosis.discovery.term_fit import (
 )
 from station.diagnosis.results.diagnose import Cause, Diagnosis, _with_formulas
 from station.diagnosis.results.diagnosis_document import document
+from station.diagnosis.results.estimate import joint_coefficients
 from station.diagnosis.results.extend import extend_model
 from station.diagnosis.results.hypotheses import Hypotheses, HypothesisTerm, _estimate
 from station.diagnosis.results.imitators import simplest_explanation
@@ -43,7 +45,7 @@ from station.reporting.diagnosis.formula_curve import _curve, formula_curves
 from tests.blind.bench import WHITE, Scaled, World, hide
 from tests.blind.hidden import KNOWN
 from tests.blind.inspection import diagnosis_of
-from tests.blind.recipes import recipe
+from tests.blind.recipes import recipe, six_faces
 
 
 def law(w: World, rng: Scaled) -> tuple[Any, Any]:
@@ -166,6 +168,22 @@ def test_a_coefficient_is_no_better_known_than_what_it_goes_with() -> None:
     estimate = _estimate(known, 0, FoundTerm("formula-1", fit, fit.score, ()), known.fit())
     assert 0.1 < estimate.form[0].std < 2
     assert float(estimate.std[0, 0]) > 0.5 * abs(float(estimate.value[0, 0]))
+
+
+def test_coefficients_cover_by_the_noise_that_few_readings_tell() -> None:
+    """Beside one unit's calibration in few poses the noise is an estimate: intervals are those of Student's t."""
+    kind = six_faces("listed")
+    table, _ = hide(kind, lambda w, rng: (w.a, 1e-3 * np.roll(np.abs(w.a), 1, axis=1)), 3, units=1)
+    problem = initial_problem(reduce_samples(kind, table), FloorAllowance.of(kind, Model()))
+    term = Term("other-size", "constant", ("x:z", "y:x", "z:y"))
+    fit = fit_term(term, TermSpaces(problem, problem.fit().floor).of(term))
+    known = refined(problem.with_accepted([accepted(fit, problem.view, "formula-1")]), rounds=2)
+    found = _estimate(known, 0, FoundTerm("formula-1", fit, fit.score, ()), known.fit())
+    dof = known.fit().space.dof
+    assert dof < 18
+    normal = joint_coefficients(known, known.accepted, known.fit())[0][1]
+    wider = scipy.stats.t.ppf(0.975, dof) / scipy.stats.norm.ppf(0.975)
+    assert found.std == pytest.approx(wider * normal)
 
 
 def test_what_the_calibration_takes_up_is_no_part_of_a_curve() -> None:

@@ -14,7 +14,7 @@ from station.diagnosis.discovery.discover import MAX_TERMS, AlarmOnRest, Discove
 from station.diagnosis.discovery.scan import scanned_units
 from station.diagnosis.discovery.term_fit import TermFit, TermSpace, accepted, candidate_of, constant_stds
 from station.diagnosis.linear.noise_floor import FittedFloor
-from station.diagnosis.results.estimate import Estimate, joint_coefficients
+from station.diagnosis.results.estimate import Estimate, joint_coefficients, students_share
 from station.diagnosis.results.first_formula import SEED
 from station.diagnosis.search.cause_search import SearchResult
 from station.diagnosis.search.held_out_gain import HeldOutGain, gain_together, held_out_gain
@@ -127,7 +127,7 @@ def _estimates(problem: ScoringProblem, first: int, terms: Sequence[FoundTerm], 
 
 
 def _estimate(problem: ScoringProblem, i: int, term: FoundTerm, floor: FittedFloor) -> Estimate:
-    """Those of one term, which is the accepted cause i."""
+    """Those of one term, which is the accepted cause i: standard deviations of which 1.96 cover 95 %."""
     bare = problem.without(i)
     space = bare.space(floor.floor, moving="since_arrival_s" in term.fit.term.needs)
     stds = constant_stds(term.fit, TermSpace(bare.view, scanned_units(bare, bare.view.grid.units), space))
@@ -135,7 +135,7 @@ def _estimate(problem: ScoringProblem, i: int, term: FoundTerm, floor: FittedFlo
     value, std = joint_coefficients(problem, problem.accepted, floor)[i]
     for form in forms:
         std = np.hypot(std, _moved_by(bare, problem, i, term, form, value, floor))
-    return Estimate(problem.accepted[i], value, std, forms)
+    return Estimate(problem.accepted[i], value, students_share(floor.space.dof) * std, forms)
 
 
 def rival_estimates(h: Hypotheses, i: int) -> Iterator[tuple[TermFit, Estimate]]:
