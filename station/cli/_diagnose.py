@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from station.cli import _hypotheses_text, _output
-from station.cli._diagnosis_samples import MeasuredSource
+from station.cli._diagnosis_samples import MeasuredSource, without_gaps
 from station.config.models import load_model
 from station.config.recipes import load_recipe
 from station.diagnosis.data import family, input_checks, preflight
@@ -101,6 +101,7 @@ def _diagnosed(
 def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What the preflight finds, units far from the others included, and the samples that it leaves."""
     found, cleaned = preflight.inspect(recipe, table)
+    cleaned = without_gaps(cleaned)
     preflight.check_orientations(recipe, found)
     check_seatings(recipe, cleaned)
     return replace(found, remarks=(*found.remarks, *family.of_table(recipe, cleaned))), cleaned

@@ -33,8 +33,8 @@ class MeasuredSource:
     recipe: Recipe
 
     def table(self) -> SampleTable:
-        """All samples, without the columns that have gaps. Errors: InputError."""
-        return _without_gaps(_table(self.samples, self.db, self.since, self.recipe_name, self.recipe))
+        """All samples. Errors: InputError."""
+        return _table(self.samples, self.db, self.since, self.recipe_name, self.recipe)
 
     def portions(self) -> Callable[[], Iterator[SampleTable]] | None:
         """A large table in portions of whole units, a new pass at each call; None of any other. SamplesError."""
@@ -114,7 +114,7 @@ def _table_of_store(db: Path | None, since: str | None, recipe: Recipe) -> Sampl
         return join(tables)
 
 
-def _without_gaps(table: SampleTable) -> SampleTable:
+def without_gaps(table: SampleTable) -> SampleTable:
     """The table without optional columns that have gaps: a cause cannot be laid to what is not always known."""
     gaps = [name for name, values in table.values.items() if not np.all(np.isfinite(values))]
     if gaps:

@@ -227,10 +227,29 @@ def test_a_gap_in_a_covariate_is_said(
     tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "gap.csv"
-    faces(rng).assign(temperature_degC=np.where(np.arange(200) == 5, np.nan, 25.0)).to_csv(path, index=False)
+    faces(rng).assign(temperature_degC=np.where(np.arange(200) % 2 == 1, np.nan, 25.0)).to_csv(path, index=False)
     with pytest.raises(SystemExit) as ended:
         main(["diagnose", "--recipe", "six-point", "--samples", str(path), "--json", "-"])
     out, err = capsys.readouterr()
     assert ended.value.code == 0
     assert "temperature_degC is not known in every row, so no cause is attributed to it" in err
     assert "offset-temperature" in json.loads(out)["not_testable"]
+
+
+def test_spoilt_cells_cost_no_visit_and_are_said(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = faces(rng).assign(temperature_degC=25.0)
+    table.loc[45, ["x", "temperature_degC"]] = 16.0, -127.0
+    table.loc[130, "time_s"] = 1e9
+    path = tmp_path / "spoilt.csv"
+    table.to_csv(path, index=False)
+    for command in ("diagnose", "calibrate"):
+        with pytest.raises(SystemExit):
+            main([command, "--recipe", "six-point", "--samples", str(path), "--json", "-"])
+        out, _ = capsys.readouterr()
+        checked = json.loads(out)["preflight"]
+        assert [remark["id"] for remark in checked["remarks"]][:3] == [
+            "wild-readings", "wild-stamps", "temperatures-filled",
+        ]  # fmt: skip
+        assert (checked["left_out"], checked["temperature_degC"]) == ([], [25.0, 25.0])

@@ -50,6 +50,25 @@ def test_a_code_for_none_on_all_axes_is_no_reading(rng: np.random.Generator, tmp
     assert remarks(one) == ["rows-unfilled"]
 
 
+@pytest.mark.parametrize("glitch_g", [0.3, -16.0, 1e9])
+def test_spoilt_readings_and_stamps_cut_no_rest_in_two(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, glitch_g: float
+) -> None:
+    """A rest goes on after a reading or a stamp that a line spoilt, and neither hides the unit of the others."""
+    y = tumble(rng)
+    time_s = np.arange(len(y)) / 100
+    whole = understood(capsys, saved(tmp_path / "whole.csv", np.c_[time_s, y], header="t,ax,ay,az"))
+    y[150::211, 0] += glitch_g
+    time_s[[170, 333]] = 0.0, 1e6
+    one = understood(capsys, saved(tmp_path / "spoilt.csv", np.c_[time_s, y], header="t,ax,ay,az"))
+    check(one, visits=8, poses=8, rate_hz=100.0, restarts=0)
+    # Of the readings some were taken while the unit was turned, and nobody could tell these.
+    assert set(remarks(one)) <= {"readings-wild", "readings-impossible", "stamps-wild"}
+    assert "stamps-wild" in remarks(one)
+    assert one["noise"] == pytest.approx(whole["noise"], rel=0.02)
+    assert one["magnitude"] == pytest.approx(whole["magnitude"], rel=1e-3)
+
+
 @pytest.mark.parametrize("bits", [12, 16])
 def test_counts_below_zero_written_as_unsigned(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture, bits: int

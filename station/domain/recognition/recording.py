@@ -18,6 +18,7 @@ from station.domain.recognition import (
     time_column,
     unit_change,
     visits,
+    wild_readings,
 )
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
@@ -79,6 +80,11 @@ def understand(
         blocks = None if blocks is None else np.searchsorted(fresh, blocks)
         remarks = (*remarks, _held(table, ticks, len(raw) / len(fresh)))
         raw, usable, ticks = raw[fresh], usable[fresh], ticks.only(fresh)
+    calm, wild = _calm_rows(table.source, raw)
+    if wild:
+        blocks = None if blocks is None else np.searchsorted(calm, blocks)
+        remarks = (*remarks, *wild)
+        raw, usable, ticks = raw[calm], usable[calm], ticks.only(calm)
     _check_alive(table, roles, raw)
     of_axes = axis_units.stated(table, roles.axes, options.unit, quantity)
     if of_axes is not None:
@@ -121,6 +127,7 @@ def understand(
             *remarks,
             *lost,
             *_unread(table, roles, ticks),
+            *_paced(table, ticks),
             *_sorted(table, ticks),
             *_others(table, roles),
         ),
@@ -136,6 +143,20 @@ def _brought_together(table: RawTable, roles: Roles, units: axis_units.Units, un
 def _held(table: RawTable, ticks: SampleClock, times: float) -> Message:
     """What is said of readings that come several times each."""
     return Message("readings-held", file=table.source, times=times, rate_hz=ticks.rate_hz / times)
+
+
+def _calm_rows(source: str, raw: Floats) -> tuple[NDArray[np.intp], tuple[Message, ...]]:
+    """The rows of raw readings (n, 3) that are not wild, and what is said of the others."""
+    size = float(np.median(np.linalg.norm(raw, axis=1)))
+    _, off = wild_readings.calmed(raw, np.array([0]), np.array([len(raw)]), size)
+    calm, worst = np.flatnonzero(off == 0), float(off.max())
+    said = Message("readings-wild", file=source, rows=len(raw) - len(calm), total=len(raw), worst=worst)
+    return calm, (said,) if worst > 0 else ()
+
+
+def _paced(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
+    """What is said of stamps far off the pace of the others."""
+    return (Message("stamps-wild", file=table.source, count=ticks.wild),) if ticks.wild else ()
 
 
 def _sorted(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
