@@ -12,6 +12,7 @@ from station.domain.recipe import references
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition import (
     columns,
+    compass_beside,
     interleaved,
     next_step,
     samples,
@@ -26,7 +27,7 @@ from station.domain.recognition.quantities import QUANTITIES
 from station.domain.recognition.raw_table import ImportOptions, RawTable
 from station.domain.recognition.recording import Recording, understand
 from station.domain.recognition.samples import UnitRecording, Visits
-from station.errors import StationError, UsageError
+from station.errors import SamplesError, StationError, UsageError
 from station.messages import Message, render
 from station.wiring.raw_tables import raw_tables, write_recording
 from station.wiring.sample_files import write_samples
@@ -86,8 +87,20 @@ def _visited(
     passes = [one for passes in read for one in passes] if raw or one_rest else _as_units(files, read, job)
     if raw:
         return [(one, None) for one in passes]
-    visited = [(one, samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
+    try:
+        visited = [(one, samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
+    except SamplesError as error:
+        raise _with_compass(error, files, job) from None
     return list(visited if recipe is not None else six_faces.called_after_faces(visited))
+
+
+def _with_compass(error: SamplesError, files: Sequence[Path], job: ImportJob) -> SamplesError:
+    """What is wrong with the visits, and the compass of the same file that can be taken all the same."""
+    if job.recipe is None and job.options.columns is None and len(files) == 1:
+        for table in raw_tables(files[0], job.dbc):
+            if axes := compass_beside.turned_compass(unsigned.signed(table), job.options):
+                return SamplesError("compass-beside", reason=error.message, columns=",".join(axes))
+    return error
 
 
 def _as_units(files: Sequence[Path], read: Sequence[list[UnitRecording]], job: ImportJob) -> list[UnitRecording]:

@@ -217,6 +217,21 @@ def test_numbers_of_no_unit_are_not_called_counts(rng: np.random.Generator, tmp_
     assert "unknown; 19." in capsys.readouterr().out
 
 
+def test_a_compass_beside_an_accelerometer_that_never_rested_is_pointed_to(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """The log of a compass's calibration: turned all round by hand, with all sensors written down."""
+    turned = sphere(rng, 600)
+    shaken = turned + 1.5 * rng.standard_normal(turned.shape)
+    field = 48.0 * turned + [20.0, -31.0, 12.0] + 0.2 * rng.standard_normal(turned.shape)
+    rows = np.c_[9.81 * shaken, 90 * rng.standard_normal(turned.shape), field]
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, "%.4f", ",", header="ax,ay,az,gx,gy,gz,mx,my,mz", comments="")
+    assert station("import", path) == 2
+    assert "--columns mx,my,mz takes them" in capsys.readouterr().err
+    assert understood(capsys, str(path), "--columns", "mx,my,mz")["reading_unit"] == "uT"
+
+
 def test_a_file_of_angular_rates_holds_no_linear_acceleration(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:
