@@ -232,6 +232,24 @@ def test_a_compass_beside_an_accelerometer_that_never_rested_is_pointed_to(
     assert understood(capsys, str(path), "--columns", "mx,my,mz")["reading_unit"] == "uT"
 
 
+def test_stamps_without_a_name_are_time_where_a_travel_time_falls(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """An index of dates, as data frames write it, beside an echo's travel time: time went back in that."""
+    path = tmp_path / "log.csv"
+    start = np.datetime64("2024-05-02T08:00:00.000")
+    rows = [
+        f"{str(start + np.timedelta64(20 * i, 'ms')).replace('T', ' ')}+02:00,{echo:.3f},{x:.4f},{y:.4f},{z:.4f}"
+        for i, (echo, (x, y, z)) in enumerate(
+            zip(rng.uniform(5, 9, 1200), np.repeat(sphere(rng, 12), 100, 0), strict=True)
+        )
+    ]
+    path.write_text("\n".join([",TWO_WAY_TIME,acc_x,acc_y,acc_z", *rows]))
+    shown = understood(capsys, str(path))
+    assert shown["time_unit"] != "none"
+    assert shown["rate_hz"] == pytest.approx(50, rel=1e-3)
+
+
 def test_a_file_of_angular_rates_holds_no_linear_acceleration(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:

@@ -28,11 +28,12 @@ def find(table: RawTable, assigned: set[int | None]) -> int | None:
     rising = [i for i in named if _rises(table.columns[i].values)]
     if rising:
         return min(rising, key=lambda i: _unlikeness(table, i))
-    if named:
-        return named[0]
+    # A column called travel time or uptime that falls is none where stamps of another name do not.
     in_time = [i for i in free if table.columns[i].unit in TIME_UNITS and _rises(table.columns[i].values)]
     if in_time:
         return in_time[0]
+    if named:
+        return named[0]
     if table.named:
         counted = [i for i in free if _COUNTER.search(table.columns[i].name) and _rises(table.columns[i].values)]
         return counted[0] if counted else next((i for i in free[:2] if _is_steady_clock(table.numbers(i))), None)
