@@ -56,8 +56,8 @@ class ReducedScene:
     may be wrong, degC/s, each mode times a standard normal number a run; degC_error (v, modes): the same of the
     temperature, None where it is as it was read; edges (B): ends of the blocks as shares of a dwell; ringing_hz:
     frequencies of what rings within the dwells; sample_axes (3): axis_noise as the samples show it, whatever the means
-    have; axis_correlation (3, 3) what the noise of two axes has in common; table_angles: whose the angles are at which
-    dwells on a rate table begin.
+    have; axis_correlation (3, 3) what the noise of two axes has in common, visit_correlation that of the visits' means,
+    where it is another one; table_angles: whose the angles are at which dwells on a rate table begin.
     """
 
     scene: Scene
@@ -75,6 +75,7 @@ class ReducedScene:
     ringing_hz: tuple[float, ...] = ()
     sample_axes: Floats = field(default_factory=lambda: np.ones(3))
     axis_correlation: Floats = field(default_factory=lambda: np.eye(3))
+    visit_correlation: Floats | None = None
     read_degC: Floats | None = None
     early_chance: float = 1.0
     table_angles: TableAngles = "own"
@@ -89,8 +90,16 @@ class ReducedScene:
     def axes_apart(self) -> Floats:
         """What makes of readings whose noise the axes share such as share none, each of its axis' noise (3, 3): the
         inverse root of the correlation between the axes."""
-        size, axes = np.linalg.eigh(self.axis_correlation)
-        apart = (axes / np.sqrt(size)) @ axes.T if np.any(self.axis_correlation != np.eye(3)) else np.eye(3)
+        return self._apart(self.axis_correlation)
+
+    @property
+    def means_apart(self) -> Floats:
+        """The same of the visits' means (3, 3)."""
+        return self._apart(self.axis_correlation if self.visit_correlation is None else self.visit_correlation)
+
+    def _apart(self, correlation: Floats) -> Floats:
+        size, axes = np.linalg.eigh(correlation)
+        apart = (axes / np.sqrt(size)) @ axes.T if np.any(correlation != np.eye(3)) else np.eye(3)
         return np.asarray(apart * self.axis_noise[:, None] / self.axis_noise)
 
     def by_own_noise(self) -> "ReducedScene":

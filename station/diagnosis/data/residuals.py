@@ -57,7 +57,7 @@ MIN_GAIN_STIMULUS = 1e-3
 class ResidualView:
     """reduced visits, their grid, the simulation (base, active), own (v, k, 3) from readings to each axis' own numbers,
     sigma: sd of a single sample within the visits, contrast_noise that of each contrast beside it, and apart (k, k),
-    which makes of numbers whose noise the axes share such as share none."""
+    which makes of the visits' means whose noise the axes share such as share none."""
 
     reduced: ReducedScene
     grid: VisitGrid
@@ -147,7 +147,8 @@ class ResidualView:
     @property
     def layout(self) -> RowLayout:
         """How numbers of the visits become rows."""
-        apart = None if self.keeps_axes else self.apart
+        apart = None if self.grid.k == 1 else self.reduced.axes_apart
+        apart = None if apart is None or np.array_equal(apart, np.eye(3)) else apart
         sigma, blocks_apart = self.sigma * self.contrast_noise.noise, self.contrast_noise.apart
         return RowLayout(self.grid, self.keep, sigma, self.scene.visits.unit.code, apart, blocks_apart)
 

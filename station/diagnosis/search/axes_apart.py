@@ -1,31 +1,47 @@
-"""A healthy floor as the rival of what alarms: each axis scatters and wanders by its own size.
+"""A healthy floor as the rival of what alarms: each axis scatters and wanders by its own size, or all together.
 
-Real sensors have one axis that wanders further than the others beside the same noise of its samples. What all axes have
-in common is the simpler floor, and strongest: only where an alarm asks for it, and where no cause or kernel explains as
-much as own sizes do, is the search begun again in a floor that has them.
+Real sensors have one axis that wanders further than the others beside the same noise of its samples, and axes that
+share what moves their means (the supply, the room, the table) while their samples share nothing. A floor in which no
+axis differs, and none goes with another, is the simpler one: only where an alarm asks for it, and where no cause or
+kernel explains as much, is the search begun again in one that has sizes of its own, or axes that share.
 """
 
 from dataclasses import replace
 
+from station.diagnosis.candidates.kernels import STATE
 from station.diagnosis.linear.axis_sizes import own_sizes
+from station.diagnosis.search.alarm import UNKNOWN_NATS
+from station.diagnosis.search.hidden_state import has_levels
+from station.diagnosis.search.problem import sharing_scatter
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.search_state import CauseSearch, NullFactory
 
-#: What the four sizes of three axes, beside those in common, cost in nats.
-OCCAM_NATS = 4.0
+#: What the four sizes of three axes, beside those in common, and what three pairs of axes share cost in nats.
+SIZES_NATS, SHARED_NATS = 4.0, 3.0
 
 
 def search_in_floor(problem: ScoringProblem, null_of: NullFactory) -> CauseSearch:
-    """The search for causes in the floor of a problem, or in one whose axes have their own sizes."""
+    """The search for causes in the floor of a problem, or in one that is each axis' own, or all axes' together."""
     search = CauseSearch(problem, null_of)
     if not search.first.alarms:
         return search
-    wanted = OCCAM_NATS + max(search.first.evidence.values(), default=0.0)
-    sizes = own_sizes(problem.fit(), problem.known, problem.readings(moving=False), problem.upper, wanted)
-    if sizes is None:
+    evidence = search.first.evidence
+    explained = max(evidence.values(), default=0.0)
+    floor, gain = problem, 0.0
+    shared = sharing_scatter(problem)
+    # A unit that jumps to and fro moves its axes together, too, but between two levels.
+    jumps = evidence.get(STATE, 0.0) >= UNKNOWN_NATS and has_levels(problem, problem.fit().floor)
+    if shared is not None and shared[1] > SHARED_NATS and not jumps:
+        floor, gain = shared[0], shared[1] - SHARED_NATS
+    readings = floor.readings(moving=False)
+    sizes = own_sizes(floor.fit(), floor.known, readings, floor.upper, SIZES_NATS + max(explained - gain, 0.0))
+    if sizes is not None:
+        floor = replace(floor, setting=replace(floor.setting, structure=sizes.structure))
+        gain += sizes.gain - SIZES_NATS
+    if gain <= explained:
         return search
     # Under the floor that is best with it a cause explains more than under that which has swallowed a part of it.
     ranks = search.ranks(search.first, [])
-    if sizes.gain <= OCCAM_NATS + max((r.evidence for r in ranks.values()), default=0.0):
+    if gain <= max((r.evidence for r in ranks.values()), default=0.0):
         return search
-    return CauseSearch(replace(problem, setting=replace(problem.setting, structure=sizes.structure)), null_of)
+    return CauseSearch(floor, null_of)

@@ -12,6 +12,7 @@ the likelihood of a variance along each direction, its size and the noise integr
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -21,6 +22,7 @@ from station.diagnosis.candidates.kernels import NEST_STATE, STATE
 from station.diagnosis.linear.evidence import log_mean_exp
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.scoring import ScoringProblem
+from station.diagnosis.search.two_levels import levels_ahead
 from station.diagnosis.search.unseen import NOTHING, Unseen
 from station.domain.core.medians import medians
 from station.domain.core.types import Floats
@@ -38,29 +40,58 @@ LEAST_SHARE = 0.05
 DRAWN, LEAST_VISITS, MOST_VISITS, MOST_UNITS, LEAST_NUMBERS = 256, 4, 120, 24, 4
 
 
+class _WhiteVisits(NamedTuple):
+    """Sets of noise, and the readings as the last one, in white rows (U, R, V, 3, n) of some units; their visits (v),
+    the slots of these (U, R, V), and how many numbers are free."""
+
+    sets: Floats
+    visits: NDArray[np.bool_]
+    slot: NDArray[np.intp]
+    dof: int
+
+    @staticmethod
+    def of(problem: ScoringProblem, floor: NoiseFloor) -> "_WhiteVisits | None":
+        """Those of the first units of a problem; None where too little is free, or runs are few or very long."""
+        grid = problem.view.grid
+        if grid.k != 3 or not LEAST_VISITS <= grid.slot.shape[2] <= MOST_VISITS:
+            return None
+        setting, visits = problem.setting.of_units(np.arange(min(grid.units, MOST_UNITS)))
+        space, slot = setting.space(floor, moving=False), setting.layout.grid.slot
+        U, _, V = slot.shape
+        if not space.residual.any():
+            return None
+        rng = np.random.default_rng(U * V)
+        noise = space.free(rng.standard_normal((*space.live.shape, DRAWN)) * space.live[..., None])
+        sets = np.concatenate([noise, space.residual[..., None]], axis=2)
+        rows = slot[0].size * 3
+        e = _calmed(sets[:, :rows].reshape(*slot.shape, 3, -1), slot)
+        # Beside what moves within the dwells their contrasts are there, too, and are no visits.
+        dof = space.dof - int(np.count_nonzero(space.live[:, rows : rows + space.dwell]))
+        return None if dof < LEAST_NUMBERS else _WhiteVisits(e, visits, slot, dof)
+
+
 def find_states(problem: ScoringProblem, floor: NoiseFloor) -> dict[str, Unseen]:
     """What a direction of each unit, and an axis of each nest, explains of the readings under a floor, under its name
     as a kernel; nothing of few or of very long runs."""
-    nothing = {STATE: NOTHING, NEST_STATE: NOTHING}
-    grid = problem.view.grid
-    if grid.k != 3 or not LEAST_VISITS <= grid.slot.shape[2] <= MOST_VISITS:
+    nothing, white = {STATE: NOTHING, NEST_STATE: NOTHING}, _WhiteVisits.of(problem, floor)
+    if white is None:
         return nothing
-    setting, visits = problem.setting.of_units(np.arange(min(grid.units, MOST_UNITS)))
-    space, slot = setting.space(floor, moving=False), setting.layout.grid.slot
-    U, _, V = slot.shape
-    if not space.residual.any():
-        return nothing
-    rng = np.random.default_rng(U * V)
-    noise = space.free(rng.standard_normal((*space.live.shape, DRAWN)) * space.live[..., None])
-    # The readings themselves are the last of all sets.
-    sets = np.concatenate([noise, space.residual[..., None]], axis=2)
-    rows = slot[0].size * 3
-    e = _calmed(sets[:, :rows].reshape(*slot.shape, 3, -1), slot)
-    # Beside what moves within the dwells their contrasts are there, too, and are no visits.
-    dof = space.dof - int(np.count_nonzero(space.live[:, rows : rows + space.dwell]))
-    if dof < LEAST_NUMBERS:
-        return nothing
-    return nothing | {name: frame.found(e, slot, dof) for name, frame in _frames(problem, visits, slot)}
+    frames = _frames(problem, white.visits, white.slot)
+    return nothing | {name: frame.found(white.sets, white.slot, white.dof) for name, frame in frames}
+
+
+def has_levels(problem: ScoringProblem, floor: NoiseFloor) -> bool:
+    """Whether units that scatter along one direction do so at two levels, rather than by any size, as where what moves
+    all axes of a healthy sensor together makes them scatter."""
+    white = _WhiteVisits.of(problem, floor)
+    if white is None:
+        return False
+    last, ahead = _alike(white.sets)[..., -1], 0.0
+    for unit, there in zip(last, white.slot >= 0, strict=True):
+        e = unit[there]
+        spread, directions = np.linalg.eigh(e.T @ e / len(e))
+        ahead += levels_ahead(e @ directions[:, -1], float(np.sqrt(spread[:2].mean())))
+    return ahead > 0.0
 
 
 def _frames(

@@ -18,6 +18,7 @@ from station.diagnosis.data.residuals import (
     with_calibration,
     with_contrast_noise,
 )
+from station.diagnosis.data.visit_noise import LEAST_OWN, share_beyond_chance
 from station.diagnosis.linear.noise_floor import FloorStructure, floor_structure
 from station.diagnosis.linear.projection import FloorCovariance, ResidualSpace
 from station.diagnosis.search.scoring import ScoringProblem, ScoringSetting
@@ -31,6 +32,8 @@ from station.model.timeline import noise_density_of, usual_noise_density
 
 #: Time from visit to visit for which the allowance of the walk holds; it grows with the root of time.
 REFERENCE_INTERVAL_S = 2.5
+#: Two axes share no more of their means than this, as a correlation.
+MOST_SHARED = 0.95
 #: A parameter of a model is never known better than to this share of the cause's typical size.
 MIN_STD_SHARE = 1e-4
 #: Where poses are unknown, a step of a calibration beyond this share of the stimulus must make the fit better, or is
@@ -100,6 +103,37 @@ def _likelihood(problem: ScoringProblem) -> float:
     """Log-likelihood of the readings themselves, whatever was made of what their axes share."""
     space, apart = problem.fit().space, problem.view.apart
     return space.profile + space.dof / len(apart) * float(np.linalg.slogdet(apart)[1])
+
+
+def sharing_scatter(problem: ScoringProblem) -> tuple[ScoringProblem, float] | None:
+    """The problem in a floor in which the visits' means of two axes have as much in common as the readings show, drawn
+    in as far as chance alone makes it, and the log-likelihood that this gains; None where they share nothing."""
+    view, space = problem.view, problem.fit().space
+    if view.grid.k != 3 or not space.dof:
+        return None
+    slot = view.grid.slot
+    scatter = space.residual[:, : slot[0].size * 3].reshape(*slot.shape, 3)[slot >= 0]
+    size = np.sqrt(np.mean(scatter**2, axis=0))
+    if np.any(size <= 0):
+        return None
+    upper = np.triu_indices(3, 1)
+    # Fisher's transform of a correlation has a variance of one over how many there are.
+    alike = np.arctanh(np.clip((scatter / size).T @ (scatter / size) / len(scatter), -MOST_SHARED, MOST_SHARED)[upper])
+    share = share_beyond_chance(alike, 3 / space.dof, 3)
+    if share == 0.0:
+        return None
+    found = np.eye(3)
+    found[upper] = found.T[upper] = np.tanh(share * alike)
+    values, axes = np.linalg.eigh(found)
+    found = (axes * np.maximum(values, LEAST_OWN)) @ axes.T
+    apart = np.linalg.inv(view.reduced.means_apart)
+    whole = apart @ found @ apart.T
+    noise = np.sqrt(np.diagonal(whole))
+    reduced = replace(view.reduced, visit_correlation=whole / noise / noise[:, None])
+    view = replace(view, reduced=reduced, apart=reduced.means_apart)
+    shared = problem_in_view(problem, view, problem.accepted)
+    shared = replace(shared, setting=replace(shared.setting, structure=_structure(view)), near=None)
+    return shared, _likelihood(shared) - _likelihood(problem)
 
 
 def _plain_problem(reduced: ReducedScene, allowance: FloorAllowance, *, matrix: bool) -> ScoringProblem:
