@@ -15,6 +15,8 @@ from station.model.effect import Effect
 from station.model.model_file import Model
 from station.model.rig import Rig
 from station.model.simulate import SimulationJob, parse_effect, simulate
+from station.model.simulated_line import SimulatedLine
+from station.model.timeline import RunTimeline, run_timeline
 from tests.unit.tilt_recipe import THREE_RUNS, tilt
 
 QUIET = Model.model_validate({"noise": {"density": 0.0, "flicker": 0.0}})
@@ -69,6 +71,23 @@ def test_a_stop_reads_as_in_a_simulated_campaign(name: str) -> None:
     live = tumble(rig, plate, recipe, ["N1"])[0].reshape(-1, 3)
     campaign = simulate(SimulationJob(recipe, ("A",), 2, (parse_effect(name, recipe),), QUIET)).table.reading
     np.testing.assert_allclose(live, campaign, atol=1e-9)
+
+
+def test_a_run_is_laid_out_once_however_often_its_sensors_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At each look it was three fifths of the processor's time of a run by hand."""
+    laid_out = []
+
+    def counted(recipe: Recipe, run: int, line: SimulatedLine) -> RunTimeline:
+        laid_out.append(run)
+        return run_timeline(recipe, run, line)
+
+    monkeypatch.setattr("station.model.rig.run_timeline", counted)
+    rig, plate = rig_of(tilt(runs=THREE_RUNS))
+    rig.load({"N1": "A"}, 0.0)
+    for run in range(2):
+        tumble(rig, plate, tilt(runs=THREE_RUNS), ["N1"], run, 1000.0 * run)
+        rig.temperature_degC("N1", np.array([1000.0 * run + 990.0]))
+    assert laid_out == [0, 1]
 
 
 def test_on_the_way_the_part_feels_where_it_is() -> None:
