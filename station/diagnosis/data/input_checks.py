@@ -24,6 +24,8 @@ COMPUTED = 3e-6
 SAME_DIGITS = 1e-9
 #: Times that cannot be negative.
 ELAPSED_COLUMNS = ("since_power_s", "since_clamp_s")
+#: Runs of one table do not start further apart: s.
+CENTURY_S = 3.2e9
 
 
 def check(recipe: Recipe, table: SampleTable) -> None:
@@ -32,6 +34,7 @@ def check(recipe: Recipe, table: SampleTable) -> None:
     _check_visit_count(recipe, table, first)
     _check_one_position_per_visit(table, first)
     _check_time_advances(table, first)
+    _check_starts(table)
     _check_axes_vary(recipe, table)
     if recipe.pose_known and recipe.reference.source != "gold":
         _check_same_unit_of_measure(recipe, table)
@@ -138,6 +141,12 @@ def _check_time_advances(table: SampleTable, first: NDArray[np.intp]) -> None:
             raise SamplesError(
                 "samples-time-negative", **_location(table, row), column=name, value=float(table.values[name][row])
             )
+
+
+def _check_starts(table: SampleTable) -> None:
+    started = table.values.get("started_s")
+    if started is not None and (span := float(np.nanmax(started) - np.nanmin(started))) > CENTURY_S:
+        raise SamplesError("samples-starts-far-apart", **_location(table, int(np.nanargmax(started))), span_s=span)
 
 
 def _check_axes_vary(recipe: Recipe, table: SampleTable) -> None:

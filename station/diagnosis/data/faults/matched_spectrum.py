@@ -51,10 +51,9 @@ class DwellRecord:
         stretch, here = np.divmod(place.astype(np.intp), self._length)
         self._weight += np.bincount(stretch, weight**2, self._stretches)
         self._parted += np.bincount(stretch, weight**2 * later * (1 - later), self._stretches)
-        for i in range(int(stretch.min(initial=0)), int(stretch.max(initial=-1)) + 1):
+        for i in np.unique(stretch).tolist():
             mine = stretch == i
-            if mine.any():
-                self._samples.setdefault(i, []).append((here[mine], later[mine], values[:, mine]))
+            self._samples.setdefault(i, []).append((here[mine], later[mine], values[:, mine]))
 
     @property
     def weight(self) -> Floats:
