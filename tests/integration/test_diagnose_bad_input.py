@@ -186,6 +186,10 @@ def changed(table: pd.DataFrame, column: str, value: object, rows: slice = slice
         (lambda t: t.assign(visit=0), "unit A, run 0, visit 0 is at two positions, z-up and z-down: number the stops"),
         (lambda t: t.assign(run=-1), "column run: -1 is not a whole number from 0"),
         (lambda t: t.assign(since_power_s=-1.0), "since_power_s is -1, but a time elapsed cannot be negative"),
+        (
+            lambda t: t.assign(started_s=np.where(t.unit == "B", 1e12, 0.0)),
+            "more than a century: give seconds on one clock",
+        ),
     ],
 )
 def test_a_table_that_is_wrong_is_one_sentence(
@@ -250,6 +254,6 @@ def test_spoilt_cells_cost_no_visit_and_are_said(
         out, _ = capsys.readouterr()
         checked = json.loads(out)["preflight"]
         assert [remark["id"] for remark in checked["remarks"]][:3] == [
-            "wild-readings", "wild-stamps", "temperatures-filled",
+            "wild-readings", "wild-stamps", "cells-filled",
         ]  # fmt: skip
         assert (checked["left_out"], checked["temperature_degC"]) == ([], [25.0, 25.0])

@@ -65,6 +65,7 @@ def test_spoilt_readings_and_stamps_cut_no_rest_in_two(
     # Of the readings some were taken while the unit was turned, and nobody could tell these.
     assert set(remarks(one)) <= {"readings-wild", "readings-impossible", "stamps-wild"}
     assert "stamps-wild" in remarks(one)
+    assert one["rate_hz"] == whole["rate_hz"]
     assert one["noise"] == pytest.approx(whole["noise"], rel=0.02)
     assert one["magnitude"] == pytest.approx(whole["magnitude"], rel=1e-3)
 

@@ -4,17 +4,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.evaluation.unit_dwells import visit_boundaries
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import spoilt_columns, wild_readings
+from station.domain.recognition import spoilt_columns, spoilt_marks, wild_readings
 from station.messages import Message
+
+Rows = NDArray[np.intp]
 
 
 def mended(recipe: Recipe, table: SampleTable) -> tuple[SampleTable, tuple[Message, ...]]:
-    """A sorted table with what its neighbours say in place of spoilt readings, stamps and temperatures, and what is
-    said of each kind. Rows stay, as clocks and counters tell of lost frames by them."""
+    """A sorted table with what its neighbours say in place of spoilt cells, and what is said of each column. Rows stay,
+    as clocks and counters tell of lost frames by them."""
     begin, end = visit_boundaries(table)
     if not len(begin):
         return table, ()
@@ -23,14 +26,27 @@ def mended(recipe: Recipe, table: SampleTable) -> tuple[SampleTable, tuple[Messa
     new_run = (np.diff(table.unit.code[begin], prepend=-1) != 0) | (np.diff(table.run[begin], prepend=-1) != 0)
     run = np.cumsum(new_run)[visit]
     time_s = spoilt_columns.stamps(table.time_s, visit, run)
-    said = [*_readings(table, off), *_stamps(table, time_s)]
-    values = dict(table.values)
-    if (read := table.values.get("temperature_degC")) is not None:
-        values["temperature_degC"], filled = spoilt_columns.temperatures(read, time_s, visit, run)
-        if filled.any():
-            rows = int(np.count_nonzero(filled))
-            said.append(Message("temperatures-filled", rows=rows, total=len(table), **_place(table, filled)))
-    return (replace(table, reading=reading, time_s=time_s, values=values) if said else table), tuple(said)
+    values = {name: _column(recipe, name, read, time_s, (visit, run)) for name, read in table.values.items()}
+    said = (*_readings(table, off), *_stamps(table, time_s), *_cells(table, values))
+    return (replace(table, reading=reading, time_s=time_s, values=values) if said else table), said
+
+
+def _column(recipe: Recipe, name: str, read: Floats, time_s: Floats, of: tuple[Rows, Rows]) -> Floats:
+    """A column (n), its spoilt cells as far as anything tells what stood there; of: numbers (n) of visits and runs."""
+    visit, run = of
+    match name:
+        case "temperature_degC":
+            return spoilt_columns.temperatures(read, time_s, visit, run)[0]
+        case "since_power_s" | "since_clamp_s":
+            return spoilt_marks.elapsed(read, time_s, visit, run)
+        case "motor":
+            return spoilt_marks.drives(read, visit, run)
+        case "started_s":
+            return spoilt_marks.starts(read, run)
+        case "counter":
+            return spoilt_marks.counts(read, visit, 2**recipe.device.counter_bits)
+        case _:
+            return read
 
 
 def _readings(table: SampleTable, off: Floats) -> Iterator[Message]:
@@ -46,6 +62,17 @@ def _stamps(table: SampleTable, time_s: Floats) -> Iterator[Message]:
     if off.any():
         count, worst = int(np.count_nonzero(off)), float(table.time_s[np.argmax(off)])
         yield Message("wild-stamps", count=count, time_s=worst, **_place(table, off))
+
+
+def _cells(table: SampleTable, values: dict[str, Floats]) -> Iterator[Message]:
+    """What is said of columns of which cells are others now."""
+    for name, read in table.values.items():
+        if values[name] is not read:
+            # What stays missing is equal to nothing.
+            other = (values[name] != read) & ~np.isnan(values[name])
+            rows = int(np.count_nonzero(other))
+            if rows:
+                yield Message("cells-filled", column=name, rows=rows, total=len(table), **_place(table, other))
 
 
 def _place(table: SampleTable, size: Array) -> dict[str, str | int]:

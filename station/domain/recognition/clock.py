@@ -54,6 +54,10 @@ class SampleClock:
     restarts: int = 0
     wild: int = 0
 
+    def without_few(self, kept: NDArray[np.intp]) -> "SampleClock":
+        """The clock of the rows kept (k), few of which were left out: its rate is as it was."""
+        return replace(self, time_s=self.time_s[kept], order=self.order[kept])
+
     def only(self, rows: NDArray[np.intp]) -> "SampleClock":
         """The clock of some of the rows (k), spread evenly."""
         rate_hz = self.rate_hz * len(rows) / len(self.time_s)

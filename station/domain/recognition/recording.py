@@ -84,7 +84,7 @@ def understand(
     if wild:
         blocks = None if blocks is None else np.searchsorted(calm, blocks)
         remarks = (*remarks, *wild)
-        raw, usable, ticks = raw[calm], usable[calm], ticks.only(calm)
+        raw, usable, ticks = raw[calm], usable[calm], ticks.without_few(calm)
     _check_alive(table, roles, raw)
     of_axes = axis_units.stated(table, roles.axes, options.unit, quantity)
     if of_axes is not None:
