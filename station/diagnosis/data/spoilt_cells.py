@@ -27,8 +27,12 @@ def mended(recipe: Recipe, table: SampleTable) -> tuple[SampleTable, tuple[Messa
     run = np.cumsum(new_run)[visit]
     time_s = spoilt_columns.stamps(table.time_s, visit, run)
     values = {name: _column(recipe, name, read, time_s, (visit, run)) for name, read in table.values.items()}
-    said = (*_readings(table, off), *_stamps(table, time_s), *_cells(table, values))
-    return (replace(table, reading=reading, time_s=time_s, values=values) if said else table), said
+    said = [*_readings(table, off), *_stamps(table, time_s), *_cells(table, values)]
+    gold = table.gold
+    if gold is not None:
+        gold, off = wild_readings.calmed(gold, begin, end, recipe.reference.strength())
+        said += [_filled(table, "gold_x, gold_y, gold_z", off)] if off.any() else []
+    return (replace(table, reading=reading, time_s=time_s, values=values, gold=gold) if said else table), tuple(said)
 
 
 def _column(recipe: Recipe, name: str, read: Floats, time_s: Floats, of: tuple[Rows, Rows]) -> Floats:
@@ -70,9 +74,14 @@ def _cells(table: SampleTable, values: dict[str, Floats]) -> Iterator[Message]:
         if values[name] is not read:
             # What stays missing is equal to nothing.
             other = (values[name] != read) & ~np.isnan(values[name])
-            rows = int(np.count_nonzero(other))
-            if rows:
-                yield Message("cells-filled", column=name, rows=rows, total=len(table), **_place(table, other))
+            if other.any():
+                yield _filled(table, name, other)
+
+
+def _filled(table: SampleTable, columns: str, other: Array) -> Message:
+    """What is said of columns whose cells are others now in some rows (n)."""
+    rows = int(np.count_nonzero(other))
+    return Message("cells-filled", column=columns, rows=rows, total=len(table), **_place(table, other))
 
 
 def _place(table: SampleTable, size: Array) -> dict[str, str | int]:
