@@ -17,7 +17,7 @@ from station.diagnosis.planning.plan import PlannedCampaign, PlannedRuns
 from station.diagnosis.planning.promise import Promise, TiedCauses
 from station.diagnosis.planning.proposal import Proposal, _runs_of_causes, _together, propose, rated_runs
 from station.diagnosis.planning.run_menu import made_for, run_menu
-from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, Suspects, usual_shapes
+from station.diagnosis.planning.suspects import CauseHypothesis, CauseTie, Suspects, suspects_of_all, usual_shapes
 from station.diagnosis.search.distinguishability import nearer_by_error
 from station.domain.core.types import SampleTable
 from station.model.simulate import SimulationJob, simulate
@@ -262,3 +262,15 @@ def test_one_run_is_planned_on_with_a_room_that_drifts_as_well() -> None:
     both = _together(one, other)
     assert both.chance == SimulatedChance(10, 16)
     assert both.promise.simulated == {("a", "b"): 0.625}
+
+
+def test_ties_of_very_many_causes_are_planned_for_the_likeliest_alone() -> None:
+    """What could be anything is parted by no run, and each pair of causes costs as much as the first."""
+    campaign, _ = once_measured(units=3)
+    library = {e.id: e for e in cause_library(campaign.recipe)}
+    names = ["disturbed-visit", *(name for name in sorted(library) if name != "disturbed-visit")][:15]
+    found = CauseHypothesis(library[names[0]], "visit", 1e-3)
+    likely = {name: 1.0 / (i + 1) for i, name in enumerate(names)}
+    lines_up = suspects_of_all(campaign, [CauseTie(found, tuple(reversed(names[1:])), 12.0, likely)] * 6)
+    assert len(lines_up) == 2
+    assert set(lines_up[0].members) == set(names[:6])

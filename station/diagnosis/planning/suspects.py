@@ -17,6 +17,9 @@ from station.model.effect import Effect
 
 #: Shapes at which a cause may be true that are planned for, and the odds to the likeliest below which one is not.
 MOST_SHAPES, LEAST_ODDS = 4, 0.1
+#: Causes of one tie that are planned for, the likeliest, and pairs of them in all ties: no run parts what could be
+#: anything, and each pair costs as much.
+MOST_MEMBERS, MOST_PAIRS = 6, 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,19 @@ class Suspects:
 def suspects_of_all(campaign: MeasuredCampaign, ties: Sequence[CauseTie]) -> list[Suspects]:
     """Of each tie, but of those that no further run can show: a visit that was disturbed is disturbed once."""
     plan = campaign.gone_on(PlannedRuns.measured(campaign.recipe))
-    return [suspects_of(campaign, tie) for tie in ties if usual_shapes(plan, tie.found.effect.id)]
+    out, pairs = list[Suspects](), 0
+    for tie in map(_likeliest, ties):
+        size = 1 + len(tie.others)
+        if usual_shapes(plan, tie.found.effect.id) and (pairs + size * (size - 1) <= MOST_PAIRS or not out):
+            out.append(suspects_of(campaign, tie))
+            pairs += size * (size - 1)
+    return out
+
+
+def _likeliest(tie: CauseTie) -> CauseTie:
+    """The tie without its least likely causes where it has very many."""
+    others = sorted(tie.others, key=lambda name: -tie.probability.get(name, 0.0))[: MOST_MEMBERS - 1]
+    return replace(tie, others=tuple(name for name in tie.others if name in others))
 
 
 def suspects_of(campaign: MeasuredCampaign, tie: CauseTie) -> Suspects:
