@@ -19,7 +19,7 @@ from station.diagnosis.discovery.order_selection import order_chance
 from station.diagnosis.discovery.other_forms import another_form_says_as_much
 from station.diagnosis.discovery.price import CONSTANT_NATS
 from station.diagnosis.discovery.rest import MOST_FREE_GROUPS, _group_columns, is_noise, prior_chances, visit_noise
-from station.diagnosis.discovery.scan import scanned_units
+from station.diagnosis.discovery.scan import _directions, scanned_units
 from station.diagnosis.discovery.term_fit import (
     TermFit,
     TermSpaces,
@@ -59,6 +59,19 @@ def law(w: World, rng: Scaled) -> tuple[Any, Any]:
 def found() -> Diagnosis:
     table, _ = hide(recipe(), law, 7, d=32.0)  # type: ignore[arg-type]
     return diagnosis_of(recipe(), table)
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+@pytest.mark.parametrize(("length", "rank"), [(1.0, 1), (1e-25, 1), (1e-39, 0), (0.0, 0)])
+def test_columns_that_died_away_have_no_direction(columns: int, length: float, rank: int) -> None:
+    """In single precision a column as short as 1e-39 is next to nothing, and one over it too large a number."""
+    normal = length**2 * np.eye(columns)[None, None]
+    turn, found = _directions(normal, np.full((1, 1), length**2), dof=100)
+    assert found.tolist() == [rank * columns]
+    assert np.isfinite(turn.astype(np.float32)).all()
+    assert np.einsum("ufij,ufjk->ufik", turn * length, turn.swapaxes(-1, -2) * length) == pytest.approx(
+        rank * np.eye(columns)[None, None]
+    )
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-160, 1.0, 1e200])

@@ -28,6 +28,8 @@ from station.model.formula.term import Term
 COLUMNS_AT_ONCE = 1500
 #: A direction that keeps less than this share of its length is lost in what is known.
 VISIBLE_SHARE = 1e-6
+#: Squared length below which a column has died away: in single precision nothing of it can be turned to length one.
+LEAST_SQUARE = 1e-60
 #: Coefficients of one unit beyond which a term is not tried unit by unit.
 MOST_PER_UNIT = 6
 
@@ -213,7 +215,7 @@ def _common(normal: Floats, scale: Floats, shared: Floats) -> tuple[Floats, Floa
 def _directions(normal: Floats, scale: Floats, dof: int) -> tuple[Floats, NDArray[np.intp]]:
     """What turns columns to orthonormal ones (U or 1, F, K, K), zeros for what is lost, and their rank (F)."""
     m, E = (normal[..., 0], np.ones_like(normal)) if normal.shape[-1] == 1 else eigenvectors(normal)
-    visible = m > VISIBLE_SHARE * np.maximum(scale, 1e-300)[..., None]
+    visible = m > np.maximum(VISIBLE_SHARE * scale, LEAST_SQUARE)[..., None]
     turn = (E * np.where(visible, 1 / np.sqrt(np.where(visible, m, 1.0)), 0.0)[..., None, :]).swapaxes(-1, -2)
     rank = np.count_nonzero(visible, axis=(0, 2))
     return turn, np.where(rank > dof // 4, 0, rank)
