@@ -70,6 +70,29 @@ def test_spoilt_readings_and_stamps_cut_no_rest_in_two(
     assert one["magnitude"] == pytest.approx(whole["magnitude"], rel=1e-3)
 
 
+def test_a_spoilt_reading_shifts_no_block(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """Blocks of readings without stamps are counted with those that are left out."""
+    y = np.repeat(sphere(rng, 24), 50, axis=0) + 0.002 * rng.standard_normal((1200, 3))
+    y[[77, 510], 1] += 3.0, -0.4
+    y[303, 2] = 1e9
+    one = understood(capsys, saved(tmp_path / "blocks.csv", y, header="ax,ay,az"))
+    check(one, visits=24, visits_by="shown-blocks", readings=1197)
+    assert remarks(one) == ["readings-impossible", "readings-wild"]
+
+
+def test_a_spoilt_reading_of_counts_far_off_zero_is_seen(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    y = np.round(32768 + 4096 * tumble(rng))
+    time_s = np.arange(len(y)) / 100
+    y[[150, 660], 0] += 600
+    time_s[[200, 900, 1700, 2300, 3100]] = 0.0, 1e6, -3.0, 1e6, 0.0
+    one = understood(capsys, saved(tmp_path / "counts.csv", np.c_[time_s, y], header="t_s,ax,ay,az"))
+    check(one, visits=8, poses=8, rate_hz=100.0, restarts=0)
+    assert remarks(one) == ["readings-wild", "stamps-wild"]
+    assert one["readings"] == len(y) - 2
+
+
 @pytest.mark.parametrize("bits", [12, 16])
 def test_counts_below_zero_written_as_unsigned(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture, bits: int

@@ -63,6 +63,15 @@ def test_nothing_else_is_wild(effect: str) -> None:
     assert found is reading or np.array_equal(found, reading)
 
 
+def test_what_stands_in_its_place_is_on_the_grid_of_the_output() -> None:
+    """Twelve neighbours on two levels have their median between them, where the output has no step."""
+    reading = np.array([[0.0, 0.0, 1.0], [0.004, 0.004, 1.0]] * 30)
+    reading[31] += 2.0
+    found, off = calmed(reading, np.array([0]), np.array([60]), 1.0)
+    assert np.flatnonzero(off).tolist() == [31]
+    assert np.unique(found[:, 0]).tolist() == [0.0, 0.004]
+
+
 def test_a_visit_of_which_much_is_wild_is_left_as_it_is() -> None:
     reading = at_rest(6)
     reading[10:58:8, 0] += 3.0  # six of sixty

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
+from station.domain.recognition import wild_readings
 from station.domain.recognition.quantities import Quantity
 from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError
@@ -31,8 +32,21 @@ def usable(
     keep, remarks = _complete(table, (*axes, time))
     raw = np.stack([table.numbers(i) for i in axes], axis=1)
     keep, unfilled = _filled(table.source, raw, keep, quantity)
-    keep, impossible = _possible(table.source, raw, keep)
-    return keep, (*remarks, *unfilled, *impossible)
+    return keep, (*remarks, *unfilled)
+
+
+def spoilt(source: str, raw: Floats) -> tuple[Floats, NDArray[np.bool_], tuple[Message, ...]]:
+    """Raw readings (n, 3) in the order of time with what stands beside the spoilt ones in their place, which those are
+    (n), and what is said of them. They were taken all the same: blocks of so many readings count them."""
+    impossible, far = _impossible(source, raw)
+    sound = np.flatnonzero(~impossible)
+    possible = raw[sound[np.maximum(np.searchsorted(sound, np.arange(len(raw)), side="right") - 1, 0)]]
+    # A sensor may read far off zero: what turns it is seen about the middle of its readings.
+    size = float(np.median(np.linalg.norm(possible - np.median(possible, axis=0), axis=1)))
+    calm, off = wild_readings.calmed(possible, np.array([0]), np.array([len(raw)]), size)
+    wild = int(np.count_nonzero(off))
+    said = Message("readings-wild", file=source, rows=wild, total=len(raw), worst=float(off.max()))
+    return calm, impossible | (off > 0), (*far, *((said,) if wild else ()))
 
 
 def _complete(table: RawTable, places: tuple[int | None, ...]) -> tuple[Rows, tuple[Message, ...]]:
@@ -83,15 +97,13 @@ def _at_ends(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     )
 
 
-def _possible(source: str, raw: Floats, keep: Rows) -> tuple[Rows, tuple[Message, ...]]:
-    """Rows without single readings far beyond all others, as a bus that fails for one transfer gives them."""
-    raw = raw[keep]
+def _impossible(source: str, raw: Floats) -> tuple[NDArray[np.bool_], tuple[Message, ...]]:
+    """Which single readings (n) are far beyond all others, as a bus that fails for one transfer gives them."""
     middle = np.median(raw, axis=0)
     off = np.abs(raw - middle).max(axis=1)
     reach = float(np.quantile(off, 1 - FAR)) * IMPOSSIBLE + float(np.linalg.norm(middle))
     far = off > reach
     if not 0 < far.sum() <= max(FEW * len(raw), 1):
-        return keep, ()
+        return np.zeros(len(raw), bool), ()
     worst = float(raw[off.argmax()][np.argmax(np.abs(raw[off.argmax()] - middle))])
-    note = Message("readings-impossible", file=source, rows=int(far.sum()), worst=worst)
-    return keep[~far], (note,)
+    return far, (Message("readings-impossible", file=source, rows=int(far.sum()), worst=worst),)

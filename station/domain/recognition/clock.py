@@ -99,7 +99,7 @@ def stamped(
     inferred = unit is None
     raw = stamps - stamps[0] if stamps.dtype.kind in "iu" else np.asarray(stamps, float)
     raw = np.asarray(raw, float)
-    paced = _paced(raw)
+    paced = at_pace(raw)
     wild = int(np.count_nonzero(paced != raw))
     raw, restarts = _continued(paced)
     if unit is None:
@@ -156,7 +156,7 @@ def unit_of_name(name: str, stated: str) -> str | None:
     return next((_SPELLINGS[p.strip(" []().").lower()] for p in parts if p.strip(" []().").lower() in _SPELLINGS), None)
 
 
-def _paced(raw: Floats) -> Floats:
+def at_pace(raw: Floats) -> Floats:
     """Stamps (n) without single ones far off the pace of the others."""
     low, high = np.quantile(raw, MIDDLE)
     period = float(high - low) / ((MIDDLE[1] - MIDDLE[0]) * len(raw))

@@ -18,7 +18,6 @@ from station.domain.recognition import (
     time_column,
     unit_change,
     visits,
-    wild_readings,
 )
 from station.domain.recognition.clock import SampleClock
 from station.domain.recognition.columns import Roles
@@ -80,11 +79,8 @@ def understand(
         blocks = None if blocks is None else np.searchsorted(fresh, blocks)
         remarks = (*remarks, _held(table, ticks, len(raw) / len(fresh)))
         raw, usable, ticks = raw[fresh], usable[fresh], ticks.only(fresh)
-    calm, wild = _calm_rows(table.source, raw)
-    if wild:
-        blocks = None if blocks is None else np.searchsorted(calm, blocks)
-        remarks = (*remarks, *wild)
-        raw, usable, ticks = raw[calm], usable[calm], ticks.without_few(calm)
+    raw, spoilt, said = bad_rows.spoilt(table.source, raw)
+    remarks = (*remarks, *said)
     _check_alive(table, roles, raw)
     of_axes = axis_units.stated(table, roles.axes, options.unit, quantity)
     if of_axes is not None:
@@ -106,7 +102,7 @@ def understand(
     else:
         scale = UnitScale(unit, 1.0, inferred=False)
     temperature, lost = _temperature(table, roles, usable)
-    return Recording(
+    whole = Recording(
         source=table.source,
         time_s=ticks.time_s,
         reading=(raw - scale.zero) * scale.factor,
@@ -132,6 +128,7 @@ def understand(
             *_others(table, roles),
         ),
     )
+    return _without(whole, spoilt)
 
 
 def _brought_together(table: RawTable, roles: Roles, units: axis_units.Units, unit: str) -> Message:
@@ -145,13 +142,27 @@ def _held(table: RawTable, ticks: SampleClock, times: float) -> Message:
     return Message("readings-held", file=table.source, times=times, rate_hz=ticks.rate_hz / times)
 
 
-def _calm_rows(source: str, raw: Floats) -> tuple[NDArray[np.intp], tuple[Message, ...]]:
-    """The rows of raw readings (n, 3) that are not wild, and what is said of the others."""
-    size = float(np.median(np.linalg.norm(raw, axis=1)))
-    _, off = wild_readings.calmed(raw, np.array([0]), np.array([len(raw)]), size)
-    calm, worst = np.flatnonzero(off == 0), float(off.max())
-    said = Message("readings-wild", file=source, rows=len(raw) - len(calm), total=len(raw), worst=worst)
-    return calm, (said,) if worst > 0 else ()
+def _without(one: Recording, spoilt: NDArray[np.bool_]) -> Recording:
+    """The recording without some of its readings (n), and its visits without those."""
+    if not spoilt.any():
+        return one
+    rows = np.flatnonzero(~spoilt)
+    edges, names = one.edges, one.names
+    if edges is not None:
+        edges = np.searchsorted(rows, edges)
+        left = edges[:, 1] > edges[:, 0]
+        edges, names = edges[left], None if names is None else tuple(np.array(names, object)[left])
+    warm = None if one.temperature_degC is None else one.temperature_degC[rows]
+    ticks = one.clock.without_few(rows)
+    return replace(
+        one,
+        time_s=ticks.time_s,
+        reading=one.reading[rows],
+        temperature_degC=warm,
+        edges=edges,
+        names=names,
+        clock=ticks,
+    )
 
 
 def _paced(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:

@@ -9,7 +9,8 @@ from station.domain.recognition import clock
 from station.domain.recognition.raw_table import RawColumn, RawTable
 
 NAMES = re.compile(
-    r"time(?!s_)|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^utc$|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间"
+    r"time(?!s_)|zeit|stamp|epoch|elapsed|seconds|^ts$|^t$|^t[ _]?[(\[]?(s|sec|ms|us|ns)[)\]]?$|^utc$"
+    r"|^(s|sec|secs|ms|msec|us|usec|ns|nsec)$|millis|micros|时间"
     r"|^(tiempo|tempo|temps|czas|tid|tijd|время|aika)($|[ _(\[])",
     re.IGNORECASE,
 )
@@ -60,8 +61,10 @@ def unread_time(table: RawTable) -> RawColumn | None:
 def _is_steady_clock(values: Floats) -> bool:
     """Whether a column that no name calls time rises at every row, most often by about one step, as no
     reading does."""
-    apart = np.diff(values)
-    if len(apart) < LEAST_STEPS or not np.isfinite(apart).all() or not (apart > 0).all():
+    if len(values) <= LEAST_STEPS or not np.isfinite(values).all():
+        return False
+    apart = np.diff(clock.at_pace(values))
+    if not (apart > 0).all():
         return False
     middle = float(np.median(apart))
     return bool(np.mean(np.abs(apart - middle) < STEADY * middle) > MOSTLY)

@@ -67,5 +67,7 @@ def _neighbours(before: Floats, after: Floats) -> tuple[Floats, Floats]:
     sides = [side for side in (before, after) if len(side)]
     middles = [np.median(side, axis=0) for side in sides]
     scatter = [np.median(np.abs(side - middle), axis=0) for side, middle in zip(sides, middles, strict=True)]
+    # The upper median is a reading: the mean of two may lie between the steps of the output.
+    middle = np.sort(nearby, axis=0)[len(nearby) // 2]
     # Quiet on one side alone is where a motion begins or ends.
-    return np.median(nearby, axis=0), np.max([np.ptp(middles, axis=0), *scatter], axis=0)
+    return middle, np.max([np.ptp(middles, axis=0), *scatter], axis=0)
