@@ -240,13 +240,13 @@ def test_a_gap_in_a_covariate_is_said(
     assert "offset-temperature" in json.loads(out)["not_testable"]
 
 
-def test_spoilt_cells_cost_no_visit_and_are_said(
+def test_corrupt_values_cost_no_visit_and_are_said(
     tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = faces(rng).assign(temperature_degC=25.0)
     table.loc[45, ["x", "temperature_degC"]] = 16.0, -127.0
     table.loc[130, "time_s"] = 1e9
-    path = tmp_path / "spoilt.csv"
+    path = tmp_path / "corrupt.csv"
     table.to_csv(path, index=False)
     for command in ("diagnose", "calibrate"):
         with pytest.raises(SystemExit):
@@ -254,6 +254,6 @@ def test_spoilt_cells_cost_no_visit_and_are_said(
         out, _ = capsys.readouterr()
         checked = json.loads(out)["preflight"]
         assert [remark["id"] for remark in checked["remarks"]][:3] == [
-            "wild-readings", "wild-stamps", "cells-filled",
+            "reading-outliers", "stamp-outliers", "values-filled",
         ]  # fmt: skip
         assert (checked["left_out"], checked["temperature_degC"]) == ([], [25.0, 25.0])

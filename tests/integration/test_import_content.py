@@ -51,45 +51,43 @@ def test_a_code_for_none_on_all_axes_is_no_reading(rng: np.random.Generator, tmp
 
 
 @pytest.mark.parametrize("glitch_g", [0.3, -16.0, 1e9])
-def test_spoilt_readings_and_stamps_cut_no_rest_in_two(
+def test_outlying_readings_and_stamps_cut_no_rest_in_two(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture, glitch_g: float
 ) -> None:
-    """A rest goes on after a reading or a stamp that a line spoilt, and neither hides the unit of the others."""
+    """A rest goes on after a reading or a stamp that a line corrupted, and neither hides the unit of the others."""
     y = tumble(rng)
     time_s = np.arange(len(y)) / 100
     whole = understood(capsys, saved(tmp_path / "whole.csv", np.c_[time_s, y], header="t,ax,ay,az"))
     y[150::211, 0] += glitch_g
     time_s[[170, 333]] = 0.0, 1e6
-    one = understood(capsys, saved(tmp_path / "spoilt.csv", np.c_[time_s, y], header="t,ax,ay,az"))
+    one = understood(capsys, saved(tmp_path / "corrupt.csv", np.c_[time_s, y], header="t,ax,ay,az"))
     check(one, visits=8, poses=8, rate_hz=100.0, restarts=0)
     # Of the readings some were taken while the unit was turned, and nobody could tell these.
-    assert set(remarks(one)) <= {"readings-wild", "readings-impossible", "stamps-wild"}
-    assert "stamps-wild" in remarks(one)
+    assert set(remarks(one)) <= {"import-reading-outliers", "readings-impossible", "import-stamp-outliers"}
+    assert "import-stamp-outliers" in remarks(one)
     assert one["rate_hz"] == whole["rate_hz"]
     assert one["noise"] == pytest.approx(whole["noise"], rel=0.02)
     assert one["magnitude"] == pytest.approx(whole["magnitude"], rel=1e-3)
 
 
-def test_a_spoilt_reading_shifts_no_block(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+def test_an_outlier_shifts_no_block(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
     """Blocks of readings without stamps are counted with those that are left out."""
     y = np.repeat(sphere(rng, 24), 50, axis=0) + 0.002 * rng.standard_normal((1200, 3))
     y[[77, 510], 1] += 3.0, -0.4
     y[303, 2] = 1e9
     one = understood(capsys, saved(tmp_path / "blocks.csv", y, header="ax,ay,az"))
     check(one, visits=24, visits_by="shown-blocks", readings=1197)
-    assert remarks(one) == ["readings-impossible", "readings-wild"]
+    assert remarks(one) == ["readings-impossible", "import-reading-outliers"]
 
 
-def test_a_spoilt_reading_of_counts_far_off_zero_is_seen(
-    rng: np.random.Generator, tmp_path: Path, capsys: Capture
-) -> None:
+def test_an_outlier_of_counts_far_off_zero_is_seen(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
     y = np.round(32768 + 4096 * tumble(rng))
     time_s = np.arange(len(y)) / 100
     y[[150, 660], 0] += 600
     time_s[[200, 900, 1700, 2300, 3100]] = 0.0, 1e6, -3.0, 1e6, 0.0
     one = understood(capsys, saved(tmp_path / "counts.csv", np.c_[time_s, y], header="t_s,ax,ay,az"))
     check(one, visits=8, poses=8, rate_hz=100.0, restarts=0)
-    assert remarks(one) == ["readings-wild", "stamps-wild"]
+    assert remarks(one) == ["import-reading-outliers", "import-stamp-outliers"]
     assert one["readings"] == len(y) - 2
 
 

@@ -163,16 +163,16 @@ def test_six_stops_a_unit_are_not_fitted_more_closely_than_their_samples_scatter
     assert cause.gain.rms_after < 1e-3
 
 
-def test_a_wild_sample_among_few_is_calmed_and_motion_is_not() -> None:
+def test_an_outlier_among_few_is_clipped_and_motion_is_not() -> None:
     rng = np.random.default_rng(3)
     visit = np.repeat(np.arange(40), 25)
     late = np.tile(0.04 * np.arange(25), 40)
     noise = rng.standard_normal((1000, 1))
     few = late < 0.16
-    wild = np.zeros((1000, 1))
-    wild[[0, 26, 52, 78]] = 30.0
-    calm = clip_outliers(noise + wild, visit, np.ones(1), few)
-    assert np.abs(calm[wild != 0]).max() < 6
+    outliers = np.zeros((1000, 1))
+    outliers[[0, 26, 52, 78]] = 30.0
+    calm = clip_outliers(noise + outliers, visit, np.ones(1), few)
+    assert np.abs(calm[outliers != 0]).max() < 6
     for moving in (50 * np.exp(-late / 0.1), 50 * np.cos(2 * np.pi * 6 * late) * np.exp(-late / 0.2), 50 * late):
         observed = noise + moving[:, None]
         # Five standard deviations: one normal sample in twenty thousand.

@@ -12,7 +12,7 @@ STOPS, BLOCKS = 9, len(reduce.BLOCK_EDGES)
 
 
 def stops(rng: np.random.Generator) -> tuple[Floats, Floats, NDArray[np.intp], Floats]:
-    """Values (n, 3), times (n), cells (n) and their counts of stops of other lengths, with wild samples and drift."""
+    """Values (n, 3), times (n), cells (n) and their counts of stops of other lengths, with outliers and drift."""
     visit = np.repeat(np.arange(STOPS), rng.integers(10, 60, STOPS))
     cell = visit * BLOCKS + rng.integers(0, BLOCKS, len(visit))
     values = rng.standard_normal((len(visit), 3)) + 0.3 * (visit == 4)[:, None] * np.arange(len(visit))[:, None]

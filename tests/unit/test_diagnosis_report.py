@@ -415,7 +415,7 @@ def test_a_thousand_units_make_a_small_page_with_the_worst_of_them() -> None:
     assert "SN0777" in figures["heat-map-x"]
     assert "40 of 1000 units" in figures["heat-map-x"]
     assert section(page, "cause-1").tables[0].caption.endswith("the 30 largest of 3000, the JSON document has all")
-    # The one wild stop is not thinned away: the axis reaches up to it.
+    # The one far stop is not thinned away: the axis reaches up to it.
     assert re.search(r">50<|>40<", figures["residual-position"])
 
 

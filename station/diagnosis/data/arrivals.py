@@ -63,7 +63,7 @@ def chance_of_early(pieces: Array, mean: Floats, scene: Scene) -> float:
     if np.count_nonzero(there) < LEAST_DWELLS:
         return 1.0
     usual = np.median(np.abs(pieces[there]), axis=(0, 1)) / MAD_PER_SIGMA
-    # One wild piece would stand in the course of its whole run.
+    # One outlier would stand in the course of its whole run.
     every = np.clip(pieces.astype(float), -FURTHEST * usual, FURTHEST * usual)
     apart = [without_courses(every[..., i], mean[:, i], scene, there) for i in range(3)]
     left, free = np.stack([rest for rest, _ in apart], axis=2), min(free for _, free in apart)

@@ -18,7 +18,7 @@ from station.model.scene import visits_scene_of_table
 PLACES, LEAST_READINGS = 16, 8
 #: A change of the mean is a jump from so many robust deviations on: of a thousand dwells three axes at sixteen places
 #: reach 4.3 by chance. Readings beyond so many of their own noise count as that far away.
-SIGMA, WILD = 6.5, 4.0
+SIGMA, CLIP = 6.5, 4.0
 #: What comes after differs from what was before by the change within the dwell to these shares of it.
 SAME = (0.6, 1.4)
 
@@ -62,7 +62,7 @@ def _calmed(table: SampleTable, begin: Rows, end: Rows) -> tuple[Floats, Floats]
     inside[begin] = False
     noise = np.median(np.abs(np.diff(table.reading, axis=0, prepend=0))[inside], axis=0) / 0.6745 / np.sqrt(2)
     off = table.reading - middle
-    calm = np.where(noise > 0, np.clip(off, -WILD * noise, WILD * noise), off)
+    calm = np.where(noise > 0, np.clip(off, -CLIP * noise, CLIP * noise), off)
     return np.concatenate([np.zeros((1, 3)), np.cumsum(middle + calm, axis=0)]), noise
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data import field_direction, preflight_checks, spoilt_cells, stays, visit_motion
+from station.diagnosis.data import corrupt_values, field_direction, preflight_checks, stays, visit_motion
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
@@ -94,7 +94,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     """What samples are, and those of them that count. Errors: SamplesError where they are of no tumble."""
     table = in_order(table)
     preflight_checks.check_positions(table, *visit_boundaries(table))
-    table, spoilt = spoilt_cells.mended(recipe, table)
+    table, corrupt = corrupt_values.repaired(recipe, table)
     table, steps = stays.split_at_steps(recipe, table)
     begin, end = visit_boundaries(table)
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
@@ -128,7 +128,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         inferred=inferred_keys(recipe),
         left_out=lost,
         remarks=(
-            *spoilt,
+            *corrupt,
             *preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned),
             *preflight_checks.stepped(recipe, table, begin, mean, steps),
             *field_direction.field_remarks(recipe, table, begin[~out], mean[~out], unit[~out]),

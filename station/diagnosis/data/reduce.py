@@ -35,7 +35,7 @@ WAVE_BLOCKS, RINGS_FOR, MOST_OF_DWELL, MOST_BLOCKS, NEXT_BLOCK = 4, 3.0, 0.8, 20
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4) * np.array([[np.sqrt(3.0)], [0.5]])
 #: Huber's constant: 99 % efficient under Gauss; a t₅ tail is bounded. Rounds after which hardly any mean moves.
 HUBER_K, HUBER_ROUNDS = 2.0, 8
-#: In a block of fewer samples no mean can tell a wild one from the rest.
+#: In a block of fewer samples no mean can tell an outlier from the rest.
 MIN_HUBER_SAMPLES = 7
 #: Samples looked at together: enough to be fast, few enough for a processor's cache.
 SAMPLES_AT_ONCE = 1 << 14
@@ -290,7 +290,7 @@ def _scene(recipe: Recipe, means: SampleTable, warming: Floats) -> tuple[Scene, 
 
 
 def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: NDArray[np.bool_]) -> Floats:
-    """The readings (n, k) without the wild ones among `few` (n): far off their neighbours in the visit, which agree.
+    """The readings (n, k) without the outliers among `few` (n): far off their neighbours in the visit, which agree.
 
     sigma (k): noise of a sample. What moves, moves its neighbours too, and is left alone.
     """
@@ -302,9 +302,9 @@ def clip_outliers(values: Floats, visit: NDArray[np.intp], sigma: Floats, few: N
     nearby = (before, after), (before, np.clip(before - 1, first, last)), (after, np.clip(after + 1, first, last))
     motion = sum(np.maximum(np.abs(values[a] - values[b]) - 3 * sigma, 0.0) for a, b in nearby)
     off = values[rows] - centre
-    wild = np.abs(off) > 5 * sigma + 3 * motion
+    outlier = np.abs(off) > 5 * sigma + 3 * motion
     winsorised = np.array(values)
-    winsorised[rows] = np.where(wild, centre + np.clip(off, -HUBER_K * sigma, HUBER_K * sigma), values[rows])
+    winsorised[rows] = np.where(outlier, centre + np.clip(off, -HUBER_K * sigma, HUBER_K * sigma), values[rows])
     return winsorised
 
 

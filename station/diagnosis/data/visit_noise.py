@@ -172,7 +172,7 @@ class VisitDifferences:
 def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -> VisitDifferences:
     """Of readings (n, 3) of visits (n) whose samples have the noise sigma (3).
 
-    Means of squares, since a median of coarse readings jumps from code to code; wild ones count as FURTHEST.
+    Means of squares, since a median of coarse readings jumps from code to code; outliers count as FURTHEST.
     """
     visits = int(visit.max()) + 1 if len(visit) else 0
     near, of = _differences(reading, visit)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
-from station.domain.recognition import wild_readings
+from station.domain.recognition import outliers
 from station.domain.recognition.quantities import Quantity
 from station.domain.recognition.raw_table import RawTable
 from station.errors import SamplesError
@@ -35,18 +35,18 @@ def usable(
     return keep, (*remarks, *unfilled)
 
 
-def spoilt(source: str, raw: Floats) -> tuple[Floats, NDArray[np.bool_], tuple[Message, ...]]:
-    """Raw readings (n, 3) in the order of time with what stands beside the spoilt ones in their place, which those are
-    (n), and what is said of them. They were taken all the same: blocks of so many readings count them."""
+def corrupt_readings(source: str, raw: Floats) -> tuple[Floats, NDArray[np.bool_], tuple[Message, ...]]:
+    """Raw readings (n, 3) in the order of time with what stands beside outliers in their place, which those are (n),
+    and what is said of them. They were taken all the same: blocks of so many readings count them."""
     impossible, far = _impossible(source, raw)
     sound = np.flatnonzero(~impossible)
     possible = raw[sound[np.maximum(np.searchsorted(sound, np.arange(len(raw)), side="right") - 1, 0)]]
     # A sensor may read far off zero: what turns it is seen about the middle of its readings.
     size = float(np.median(np.linalg.norm(possible - np.median(possible, axis=0), axis=1)))
-    calm, off = wild_readings.calmed(possible, np.array([0]), np.array([len(raw)]), size)
-    wild = int(np.count_nonzero(off))
-    said = Message("readings-wild", file=source, rows=wild, total=len(raw), worst=float(off.max()))
-    return calm, impossible | (off > 0), (*far, *((said,) if wild else ()))
+    calm, off = outliers.replace_outliers(possible, np.array([0]), np.array([len(raw)]), size)
+    count = int(np.count_nonzero(off))
+    said = Message("import-reading-outliers", file=source, rows=count, total=len(raw), worst=float(off.max()))
+    return calm, impossible | (off > 0), (*far, *((said,) if count else ()))
 
 
 def _complete(table: RawTable, places: tuple[int | None, ...]) -> tuple[Rows, tuple[Message, ...]]:

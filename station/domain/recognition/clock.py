@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Array, Floats
-from station.domain.recognition import spoilt_columns
+from station.domain.recognition import corrupt_columns
 from station.errors import SamplesError
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86_400.0}
@@ -33,7 +33,7 @@ PAUSE_STEPS = 50.0
 MOSTLY, STEADY = 0.95, 0.2
 #: More stamps than this share going back, and the rows are out of order.
 BACKWARDS = 0.1
-#: A stamp is wild beyond so many periods, by the pace of the middle of the stamps.
+#: A stamp is an outlier beyond so many periods, by the pace of the middle of the stamps.
 FAR_PERIODS, MIDDLE = 50.0, (0.1, 0.9)
 
 
@@ -41,7 +41,7 @@ FAR_PERIODS, MIDDLE = 50.0, (0.1, 0.9)
 class SampleClock:
     """time_s (n) from 0, in the order of `order` (n) rows. unit: of the stamps, `none` without any; inferred: by their
     size; rate_hz: counts over the span, pauses left out; source: data | given | assumed; jitter_s: scatter of steps;
-    wild: stamps far off the pace of those before and after, which is used."""
+    outliers: stamps far off the pace of those before and after, which is used."""
 
     time_s: Floats
     order: NDArray[np.intp]
@@ -52,7 +52,7 @@ class SampleClock:
     jitter_s: float = 0.0
     gaps: int = 0
     restarts: int = 0
-    wild: int = 0
+    outliers: int = 0
 
     def without_few(self, kept: NDArray[np.intp]) -> "SampleClock":
         """The clock of the rows kept (k), few of which were left out: its rate is as it was."""
@@ -99,8 +99,8 @@ def stamped(
     inferred = unit is None
     raw = stamps - stamps[0] if stamps.dtype.kind in "iu" else np.asarray(stamps, float)
     raw = np.asarray(raw, float)
-    paced = at_pace(raw)
-    wild = int(np.count_nonzero(paced != raw))
+    paced = repaired_ticks(raw)
+    outliers = int(np.count_nonzero(paced != raw))
     raw, restarts = _continued(paced)
     if unit is None:
         unit = _by_size(raw, float(stamps[0]), rate_hz or TYPICAL_HZ)
@@ -125,7 +125,7 @@ def stamped(
     gap = steps > max(5 * middle, 0.25)
     found_hz, jitter_s = rate_of(time_s, ~gap)
     return SampleClock(
-        time_s, order, unit, inferred, found_hz or 1 / middle, "data", jitter_s, int(gap.sum()), restarts, wild
+        time_s, order, unit, inferred, found_hz or 1 / middle, "data", jitter_s, int(gap.sum()), restarts, outliers
     )
 
 
@@ -156,12 +156,12 @@ def unit_of_name(name: str, stated: str) -> str | None:
     return next((_SPELLINGS[p.strip(" []().").lower()] for p in parts if p.strip(" []().").lower() in _SPELLINGS), None)
 
 
-def at_pace(raw: Floats) -> Floats:
+def repaired_ticks(raw: Floats) -> Floats:
     """Stamps (n) without single ones far off the pace of the others."""
     low, high = np.quantile(raw, MIDDLE)
     period = float(high - low) / ((MIDDLE[1] - MIDDLE[0]) * len(raw))
     all_one = np.zeros(len(raw), np.intp)
-    return spoilt_columns.stamps(raw, all_one, all_one, FAR_PERIODS * period)
+    return corrupt_columns.repaired_stamps(raw, all_one, all_one, FAR_PERIODS * period)
 
 
 def _continued(raw: Floats) -> tuple[Floats, int]:

@@ -79,7 +79,7 @@ def understand(
         blocks = None if blocks is None else np.searchsorted(fresh, blocks)
         remarks = (*remarks, _held(table, ticks, len(raw) / len(fresh)))
         raw, usable, ticks = raw[fresh], usable[fresh], ticks.only(fresh)
-    raw, spoilt, said = bad_rows.spoilt(table.source, raw)
+    raw, corrupt, said = bad_rows.corrupt_readings(table.source, raw)
     remarks = (*remarks, *said)
     _check_alive(table, roles, raw)
     of_axes = axis_units.stated(table, roles.axes, options.unit, quantity)
@@ -128,7 +128,7 @@ def understand(
             *_others(table, roles),
         ),
     )
-    return _without(whole, spoilt)
+    return _without(whole, corrupt)
 
 
 def _brought_together(table: RawTable, roles: Roles, units: axis_units.Units, unit: str) -> Message:
@@ -142,11 +142,11 @@ def _held(table: RawTable, ticks: SampleClock, times: float) -> Message:
     return Message("readings-held", file=table.source, times=times, rate_hz=ticks.rate_hz / times)
 
 
-def _without(one: Recording, spoilt: NDArray[np.bool_]) -> Recording:
+def _without(one: Recording, corrupt: NDArray[np.bool_]) -> Recording:
     """The recording without some of its readings (n), and its visits without those."""
-    if not spoilt.any():
+    if not corrupt.any():
         return one
-    rows = np.flatnonzero(~spoilt)
+    rows = np.flatnonzero(~corrupt)
     edges, names = one.edges, one.names
     if edges is not None:
         edges = np.searchsorted(rows, edges)
@@ -167,7 +167,7 @@ def _without(one: Recording, spoilt: NDArray[np.bool_]) -> Recording:
 
 def _paced(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
     """What is said of stamps far off the pace of the others."""
-    return (Message("stamps-wild", file=table.source, count=ticks.wild),) if ticks.wild else ()
+    return (Message("import-stamp-outliers", file=table.source, count=ticks.outliers),) if ticks.outliers else ()
 
 
 def _sorted(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:

@@ -65,7 +65,7 @@ def step_of(column: Floats) -> float:
         middle = len(values) // 2
         values = values[middle - MOST_VALUES // 2 : middle + MOST_VALUES // 2]
     apart = np.diff(values)
-    # Rounding of one number written twice, by its own size: one wild reading says nothing of the others.
+    # Rounding of one number written twice, by its own size: one outlier says nothing of the others.
     apart = apart[apart > 1e-9 * np.maximum(np.abs(values[1:]), np.abs(values[:-1]))]
     if len(apart) < LEAST_VALUES - 1:
         return float(apart.min()) if len(apart) else 0.0

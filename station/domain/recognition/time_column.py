@@ -63,7 +63,7 @@ def _is_steady_clock(values: Floats) -> bool:
     reading does."""
     if len(values) <= LEAST_STEPS or not np.isfinite(values).all():
         return False
-    apart = np.diff(clock.at_pace(values))
+    apart = np.diff(clock.repaired_ticks(values))
     if not (apart > 0).all():
         return False
     middle = float(np.median(apart))

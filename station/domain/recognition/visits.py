@@ -27,7 +27,7 @@ LEAST_ROWS, LONGEST_ROW = 4, 3.0
 #: Its longest axis is at most so many times its shortest: a circle that is turned in one plane lies on many.
 LONGEST_AXIS = 8.0
 #: What scatters by this share of its own size does not rest, however quiet it is beside the rest of the recording.
-WILD = 0.2
+RESTLESS = 0.2
 #: Nor does a stretch rest whose parts lie this share apart: six degrees.
 TURNS = 0.1
 #: So many readings show an ellipsoid.
@@ -74,7 +74,7 @@ def labelled(file: str, column: RawColumn, keep: Array) -> tuple[Ints, tuple[str
 
 def rests(reading: Floats, size: float) -> bool:
     """Whether a stretch (n, 3) that is quiet beside the rest of its recording rests beside what it measures, too."""
-    quiet = np.linalg.norm(reading.std(axis=0)) < WILD * size
+    quiet = np.linalg.norm(reading.std(axis=0)) < RESTLESS * size
     return bool(quiet and rest_segments.wandering(reading) < TURNS * size)
 
 

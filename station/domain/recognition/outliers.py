@@ -10,19 +10,19 @@ from station.domain.recognition.sheet import noise_of
 FAR = 0.03
 #: … and so is what lies nearer than so many standard deviations of the noise, or steps of the output.
 SIGMA, STEPS = 10.0, 2.5
-#: Readings before and after that are compared, the fewest that tell, and the most readings that are wild together.
+#: Readings before and after that are compared, the fewest that tell, and the most outliers together.
 NEARBY, LEAST, TOGETHER = 6, 4, 3
-#: Sides of a wild reading agree, and are quiet, to this share of how far off it is, and to so many standard deviations
+#: Sides of an outlier agree, and are quiet, to this share of how far off it is, and to so many standard deviations
 #: of the noise: where something moves, a jerk is none of the line's.
 AGREE, REST = 0.1, 4.0
-#: Where more of the readings between two boundaries are wild, what is measured moves or shakes.
+#: Where more of the readings between two boundaries are outliers, what is measured moves or shakes.
 MOST = 0.05
 
 Rows = NDArray[np.int64]
 
 
-def calmed(reading: Floats, begin: Rows, end: Rows, size: float) -> tuple[Floats, Floats]:
-    """Readings (n, 3) with each wild one as its neighbours are, and by how much each was off (n), 0 where it stays.
+def replace_outliers(reading: Floats, begin: Rows, end: Rows, size: float) -> tuple[Floats, Floats]:
+    """Readings (n, 3) with each outlier as its neighbours are, and by how much each was off (n), 0 where it stays.
 
     begin, end (v): rows of visits that follow each other; size: of the stimulus.
     """
@@ -41,6 +41,9 @@ def calmed(reading: Floats, begin: Rows, end: Rows, size: float) -> tuple[Floats
     # A stretch is short, and a jump leads into it or out of it: boundaries of visits alone are no jumps.
     jumped = np.r_[False, jump & within, False]
     short = (stop - start <= TOGETHER) & (jumped[start] | jumped[stop])
+    # Where readings jump all the time nothing is at rest, and a recording may hold very many of them.
+    jumps = np.cumsum(jumped)
+    short &= jumps[np.minimum(stop + NEARBY, len(reading))] - jumps[np.maximum(start - NEARBY, 0)] <= NEARBY
     if not short.any():
         return reading, off
     out = np.array(reading)

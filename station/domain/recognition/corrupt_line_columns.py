@@ -1,12 +1,12 @@
-"""Counters, drives and clocks of the line with single cells missing or spoilt, and what stood there."""
+"""Counters, drives and clocks of the line with single values missing or corrupt, and what stood there."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.domain.core.types import Floats
-from station.domain.recognition import spoilt_columns
+from station.domain.recognition import corrupt_columns
 
-#: Of more cells than this share of a run nobody knows what stood there.
+#: Of more values than this share of a run nobody knows what stood there.
 MOST = 0.2
 #: More counts or drives than this share that differ from those on either side are no glitches.
 MOST_ODD = 0.02
@@ -52,10 +52,10 @@ def starts(started_s: Floats, run: Rows) -> Floats:
 
 
 def elapsed(since_s: Floats, time_s: Floats, visit: Rows, run: Rows) -> Floats:
-    """Times elapsed (n), the missing and the spoilt ones at the pace of the stamps (n)."""
+    """Times elapsed (n), the missing and the corrupt ones at the pace of the stamps (n)."""
     lead = _carried(since_s - time_s, np.isnan(since_s), run)
     filled = np.where(np.isnan(since_s), lead + time_s, since_s)
-    return spoilt_columns.stamps(filled if np.isnan(since_s).any() else since_s, visit, run)
+    return corrupt_columns.repaired_stamps(filled if np.isnan(since_s).any() else since_s, visit, run)
 
 
 def _carried(value: Floats, unknown: Mask, run: Rows) -> Floats:

@@ -1,10 +1,10 @@
-"""Counters, drives and clocks of the line with a cell missing or spoilt are what their neighbours say."""
+"""Counters, drives and clocks of the line with a value missing or corrupt are what their neighbours say."""
 
 import numpy as np
 import pytest
 
 from station.domain.core.types import Floats
-from station.domain.recognition import spoilt_marks
+from station.domain.recognition import corrupt_line_columns
 
 VISITS, SAMPLES = 8, 50
 VISIT = np.repeat(np.arange(VISITS), SAMPLES)
@@ -15,7 +15,7 @@ COUNTER = np.asarray((np.arange(VISITS * SAMPLES) + 200 * VISIT) % 16, float)
 ROWS = [60, 130, 301]
 
 
-def spoilt(column: Floats, value: float) -> Floats:
+def corrupt(column: Floats, value: float) -> Floats:
     out = np.array(column)
     out[ROWS] = value
     return out
@@ -25,7 +25,7 @@ def spoilt(column: Floats, value: float) -> Floats:
 def test_a_count_between_two_that_follow_each_other_is_theirs(off: float) -> None:
     wrong = np.array(COUNTER)
     wrong[ROWS] = (wrong[ROWS] + off) % 16
-    np.testing.assert_array_equal(spoilt_marks.counts(wrong, VISIT, 16), COUNTER)
+    np.testing.assert_array_equal(corrupt_line_columns.counts(wrong, VISIT, 16), COUNTER)
 
 
 def test_lost_doubled_and_swapped_frames_keep_their_counts() -> None:
@@ -37,39 +37,39 @@ def test_lost_doubled_and_swapped_frames_keep_their_counts() -> None:
     stale[60] = stale[59]
     for counter in (lost, doubled, swapped, stale):
         visit = np.arange(len(counter)) // SAMPLES
-        assert spoilt_marks.counts(counter, visit, 16) is counter
+        assert corrupt_line_columns.counts(counter, visit, 16) is counter
 
 
 def test_a_counter_of_another_size_is_no_glitch() -> None:
     wide = np.arange(400.0)
-    assert spoilt_marks.counts(wide, VISIT, 16) is wide
+    assert corrupt_line_columns.counts(wide, VISIT, 16) is wide
 
 
 @pytest.mark.parametrize("value", [np.nan, 255.0])
 def test_a_drive_is_as_before(value: float) -> None:
     motor = np.asarray(VISIT % 3 == 0, float)
-    np.testing.assert_array_equal(spoilt_marks.drives(spoilt(motor, value), VISIT, RUN), motor)
+    np.testing.assert_array_equal(corrupt_line_columns.drives(corrupt(motor, value), VISIT, RUN), motor)
     pulsed = np.asarray(np.arange(len(VISIT)) % 2, float)
-    assert spoilt_marks.drives(pulsed, VISIT, RUN) is pulsed
+    assert corrupt_line_columns.drives(pulsed, VISIT, RUN) is pulsed
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e12, -5.0])
 def test_a_run_starts_once(value: float) -> None:
     started = np.asarray(500.0 * RUN, float)
-    np.testing.assert_array_equal(spoilt_marks.starts(spoilt(started, value), RUN), started)
+    np.testing.assert_array_equal(corrupt_line_columns.starts(corrupt(started, value), RUN), started)
     # A column that never says one number twice is no start, and nobody knows which of them would be.
-    np.testing.assert_array_equal(spoilt_marks.starts(TIME_S, RUN), TIME_S)
+    np.testing.assert_array_equal(corrupt_line_columns.starts(TIME_S, RUN), TIME_S)
 
 
 @pytest.mark.parametrize("value", [np.nan, 1e9, -1e6])
 def test_times_elapsed_go_on_with_the_stamps(value: float) -> None:
     since = TIME_S + 300.0
-    assert spoilt_marks.elapsed(spoilt(since, value), TIME_S, VISIT, RUN) == pytest.approx(since)
+    assert corrupt_line_columns.elapsed(corrupt(since, value), TIME_S, VISIT, RUN) == pytest.approx(since)
     clamped_anew = TIME_S - np.repeat(TIME_S[::SAMPLES], SAMPLES)
-    assert spoilt_marks.elapsed(clamped_anew, TIME_S, VISIT, RUN) is clamped_anew
+    assert corrupt_line_columns.elapsed(clamped_anew, TIME_S, VISIT, RUN) is clamped_anew
 
 
 def test_what_is_mostly_missing_stays_so() -> None:
     gaps = np.where(np.arange(len(VISIT)) % 2 == 0, np.nan, 1.0)
-    assert np.isnan(spoilt_marks.drives(gaps, VISIT, RUN)).any()
-    assert np.isnan(spoilt_marks.elapsed(gaps, TIME_S, VISIT, RUN)).any()
+    assert np.isnan(corrupt_line_columns.drives(gaps, VISIT, RUN)).any()
+    assert np.isnan(corrupt_line_columns.elapsed(gaps, TIME_S, VISIT, RUN)).any()
