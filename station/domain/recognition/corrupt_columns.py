@@ -61,7 +61,7 @@ def repaired_temperatures(value: Floats, time_s: Floats, visit: NDArray[np.intp]
     time_s, visit, run (n): of the rows, which follow each other. A run of which too much is not known stays as it is.
     """
     known = np.isfinite(value) & (value > COLDEST_DEGC) & (value < HOTTEST_DEGC)
-    if known.all() and not (np.abs(np.diff(value)) > JUMP_DEGC).any():
+    if known.all() and not ((np.abs(np.diff(value)) > JUMP_DEGC) & (np.diff(visit) == 0)).any():
         return value
     found = np.array(value)
     begin = np.flatnonzero(np.diff(run, prepend=-1))
@@ -69,7 +69,9 @@ def repaired_temperatures(value: Floats, time_s: Floats, visit: NDArray[np.intp]
         rows = np.flatnonzero(known[first:last]) + first
         if len(rows):
             rows = rows[~_outlying(value[rows], visit[rows])]
-        missing = np.setdiff1d(np.arange(first, last), rows)
+        unknown = np.ones(last - first, bool)
+        unknown[rows - first] = False
+        missing = np.flatnonzero(unknown) + first
         if len(missing) and len(missing) <= MOST * (last - first):
             found[missing] = np.interp(time_s[missing], time_s[rows], value[rows])
     return found

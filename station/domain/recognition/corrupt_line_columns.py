@@ -53,9 +53,10 @@ def starts(started_s: Floats, run: Rows) -> Floats:
 
 def elapsed(since_s: Floats, time_s: Floats, visit: Rows, run: Rows) -> Floats:
     """Times elapsed (n), the missing and the corrupt ones at the pace of the stamps (n)."""
-    lead = _carried(since_s - time_s, np.isnan(since_s), run)
-    filled = np.where(np.isnan(since_s), lead + time_s, since_s)
-    return corrupt_columns.repaired_stamps(filled if np.isnan(since_s).any() else since_s, visit, run)
+    missing = np.isnan(since_s)
+    if missing.any():
+        since_s = np.where(missing, _carried(since_s - time_s, missing, run) + time_s, since_s)
+    return corrupt_columns.repaired_stamps(since_s, visit, run)
 
 
 def _carried(value: Floats, unknown: Mask, run: Rows) -> Floats:
