@@ -224,6 +224,43 @@ def test_a_unit_written_out_tells_what_is_measured(
     assert (one["reading_unit"], one["scale"], "unit" in one["inferred"]) == (unit, pytest.approx(factor), False)
 
 
+@pytest.mark.parametrize(
+    ("header", "factor", "taken"),
+    [("m/s^2", 1.0, "g"), ("mg", 1.0, "g"), ("g", G, "m/s²"), ("g", 1000.0, "mg"), ("m/s^2", 16384.0, "LSB")],
+)
+def test_a_header_that_gravity_contradicts_is_not_believed(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, header: str, factor: float, taken: str
+) -> None:
+    y = factor * (tumble(rng) + 0.03)
+    names = ",".join(f"a{axis} [{header}]" for axis in "xyz")
+    path = saved(tmp_path / "mislabelled.csv", np.c_[np.arange(len(y)) / 100, y], header=f"t [s],{names}")
+    one = understood(capsys, path)
+    check(one, raw_unit=taken, visits=8, scale=1 / factor)
+    assert "unit" in one["inferred"]
+    assert remarks(one) == ["header-unit-wrong"]
+    if factor > 1:
+        # What a person states holds.
+        held = understood(capsys, path, "--unit", header)
+        assert held["magnitude"]["median"] > 5
+        assert "header-unit-wrong" not in remarks(held)
+
+
+@pytest.mark.parametrize("wrong", [1 / 8, 1 / 2, 2.0, 4.0, 8.0])
+def test_a_range_set_wrong_is_no_other_unit(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, wrong: float
+) -> None:
+    """A sensor that reads gravity by a power of two too large or small says what its gain is, and not its unit."""
+    y = wrong * tumble(rng)
+    names = ",".join(f"a{axis} [g]" for axis in "xyz")
+    path = saved(tmp_path / "range.csv", np.c_[np.arange(len(y)) / 100, y], header=f"t [s],{names}")
+    if wrong < 1 / 2:
+        assert "gravity is not in them" in refused(capsys, path)
+        return
+    one = understood(capsys, path)
+    check(one, raw_unit="g", visits=8, scale=1.0)
+    assert "unit" not in one["inferred"]
+
+
 @pytest.mark.parametrize("more", [-1, 2])
 def test_a_header_with_more_or_fewer_cells_than_the_rows(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture, more: int

@@ -12,6 +12,7 @@ from station.domain.recognition import (
     bad_rows,
     clock,
     columns,
+    header_unit,
     held,
     quantities,
     temperatures,
@@ -99,6 +100,7 @@ def understand(
     if of_axes is None:
         axis_units.check(table, roles.axes, means, quantity)
         scale = _scale(table, roles, options, quantity, means, raw, rates)
+        remarks = (*remarks, *_disbelieved(table, roles, options, quantity, means, scale))
     else:
         scale = UnitScale(unit, 1.0, inferred=False)
     temperature, lost = _temperature(table, roles, usable)
@@ -277,11 +279,27 @@ def _scale(
             raise UsageError("unit-of-readings-unknown", unit=options.unit, known=known)
     whole = bool(np.all(raw[:1000] % 1 == 0))
     if stated is not None and stated != "LSB":
-        return UnitScale(stated, quantity.factors[stated], inferred=False)
+        scale = UnitScale(stated, quantity.factors[stated], inferred=False)
+        return scale if options.unit is not None else header_unit.believed(means, scale, quantity, whole=whole)
     if rates is not None:
         return quantities.from_rates(means, rates, quantity, whole=whole or stated == "LSB")
     found = quantities.from_magnitude(means, quantity, whole=whole or stated == "LSB")
     return replace(found, inferred=stated is None)
+
+
+def _disbelieved(
+    table: RawTable, roles: Roles, options: ImportOptions, quantity: Quantity, means: Floats, scale: UnitScale
+) -> tuple[Message, ...]:
+    """What is said of a header whose unit the readings at rest (k, 3) contradict."""
+    stated = columns.stated_unit(table, roles.axes, quantity) if table.named and options.unit is None else None
+    if stated in (None, "LSB", scale.unit) or scale.unit == "raw":
+        return ()
+    assert stated is not None
+    _, radius = quantities.sphere(means)
+    sizes = {"size": radius * quantity.factors[stated], "fitting": radius * scale.factor}
+    return (
+        Message("header-unit-wrong", file=table.source, stated=stated, taken=scale.unit, unit=quantity.unit, **sizes),
+    )
 
 
 def _temperature(table: RawTable, roles: Roles, usable: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:
