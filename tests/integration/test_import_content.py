@@ -261,6 +261,37 @@ def test_a_range_set_wrong_is_no_other_unit(
     assert "unit" not in one["inferred"]
 
 
+@pytest.mark.parametrize(
+    ("header", "factor", "likelier"), [("t [s]", 1e3, "ms"), ("t [s]", 1e6, "us"), ("time_ms", 1e9, "ns"), ("s", 1, "")]
+)
+def test_a_clock_that_few_sensors_have_is_doubted(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, header: str, factor: float, likelier: str
+) -> None:
+    y = tumble(rng)
+    table = np.c_[factor * np.arange(len(y)) / 100, y]
+    path = saved(tmp_path / "slow.csv", table, header=f"{header},ax [g],ay [g],az [g]")
+    said = [r for r in understood(capsys, path)["remarks"] if r["id"] == "time-header-doubtful"]
+    assert [(r["likelier"], pytest.approx(100)) for r in said] == [(likelier, r["likely_hz"]) for r in said]
+    assert bool(said) == bool(likelier)
+    if likelier:
+        right = understood(capsys, path, "--time-unit", likelier)
+        check(right, rate_hz=100.0, visits=8)
+        assert remarks(right) == []
+
+
+@pytest.mark.parametrize(("header", "zero"), [("temp [°C]", 273.15), ("temp_C", 273.15), ("temp [K]", 273.15)])
+def test_kelvins_are_taken_as_such(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, header: str, zero: float
+) -> None:
+    y = tumble(rng)
+    warm = zero + 25.0 + 2e-4 * np.arange(len(y))
+    path = tmp_path / "warm.csv"
+    saved(path, np.c_[np.arange(len(y)) / 100, y, warm], header=f"t [s],ax [g],ay [g],az [g],{header}")
+    one = understood(capsys, str(path))
+    assert one["temperature_degC"] == pytest.approx([25.0, 25.8], abs=0.1)
+    assert remarks(one) == ([] if "K" in header else ["kelvin-called-celsius"])
+
+
 @pytest.mark.parametrize("more", [-1, 2])
 def test_a_header_with_more_or_fewer_cells_than_the_rows(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture, more: int

@@ -33,6 +33,9 @@ PAUSE_STEPS = 50.0
 MOSTLY, STEADY = 0.95, 0.2
 #: More stamps than this share going back, and the rows are out of order.
 BACKWARDS = 0.1
+#: Units that headers confuse; slower or faster than this, one is doubted, if another makes a rate so usual.
+MISLABELLED = ("s", "ms", "us", "ns")
+SELDOM_HZ, USUAL_HZ = (0.5, 50_000.0), (5.0, 5_000.0)
 #: A stamp is an outlier beyond so many periods, by the pace of the middle of the stamps.
 FAR_PERIODS, MIDDLE = 50.0, (0.1, 0.9)
 
@@ -173,6 +176,17 @@ def _continued(raw: Floats) -> tuple[Floats, int]:
         return raw, 0
     steps[far] = middle
     return np.r_[raw[0], raw[0] + np.cumsum(steps)], len(far)
+
+
+def likelier_unit(ticks: SampleClock) -> str | None:
+    """The unit in which stamps make a usual rate, where in the one that a header states they make one that few sensors
+    have; None otherwise."""
+    if ticks.source != "data" or ticks.inferred or ticks.unit not in MISLABELLED:
+        return None
+    if SELDOM_HZ[0] <= ticks.rate_hz <= SELDOM_HZ[1]:
+        return None
+    rates_hz = {unit: ticks.rate_hz * TIME_UNITS[ticks.unit] / TIME_UNITS[unit] for unit in MISLABELLED}
+    return next((unit for unit, hz in rates_hz.items() if USUAL_HZ[0] <= hz <= USUAL_HZ[1]), None)
 
 
 def _by_size(raw: Floats, first: float, rate_hz: float) -> str:

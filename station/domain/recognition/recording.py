@@ -1,5 +1,6 @@
 """A raw table → a recording in the recipe's unit, with what was understood and how."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,7 +126,7 @@ def understand(
             *remarks,
             *lost,
             *_unread(table, roles, ticks),
-            *_paced(table, ticks),
+            *_paced(table, ticks, options),
             *_sorted(table, ticks),
             *_others(table, roles),
         ),
@@ -167,9 +168,21 @@ def _without(one: Recording, corrupt: NDArray[np.bool_]) -> Recording:
     )
 
 
-def _paced(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
-    """What is said of stamps far off the pace of the others."""
-    return (Message("import-stamp-outliers", file=table.source, count=ticks.outliers),) if ticks.outliers else ()
+def _paced(table: RawTable, ticks: SampleClock, options: ImportOptions) -> Iterator[Message]:
+    """What is said of stamps far off the pace of the others, and of a pace that is no sensor's in the header's unit."""
+    if ticks.outliers:
+        yield Message("import-stamp-outliers", file=table.source, count=ticks.outliers)
+    likelier = None if options.time_unit is not None else clock.likelier_unit(ticks)
+    if likelier is not None:
+        rate_hz = ticks.rate_hz * clock.TIME_UNITS[ticks.unit] / clock.TIME_UNITS[likelier]
+        yield Message(
+            "time-header-doubtful",
+            file=table.source,
+            stated=ticks.unit,
+            rate_hz=ticks.rate_hz,
+            likelier=likelier,
+            likely_hz=rate_hz,
+        )
 
 
 def _sorted(table: RawTable, ticks: SampleClock) -> tuple[Message, ...]:
@@ -307,10 +320,13 @@ def _temperature(table: RawTable, roles: Roles, usable: NDArray[np.intp]) -> tup
     if roles.temperature is None:
         return None, ()
     column = table.columns[roles.temperature]
-    values = temperatures.in_celsius(column, table.numbers(roles.temperature)[usable])
+    read = table.numbers(roles.temperature)[usable]
+    values = temperatures.in_celsius(column, read)
     if values is None:
         return None, (Message("temperature-no-degrees", file=table.source, column=column.name),)
     known = np.flatnonzero(np.isfinite(values))
     others = tuple(table.columns[i].name for i in roles.thermometers)
     said = (Message("thermometers-of-others", file=table.source, column=column.name, others=others),) if others else ()
+    if temperatures.are_kelvin_called_celsius(column, read):
+        said = (*said, Message("kelvin-called-celsius", file=table.source, column=column.name))
     return np.interp(np.arange(len(values)), known, values[known]), said

@@ -42,12 +42,26 @@ def in_celsius(column: RawColumn, values: Floats) -> Floats | None:
     """Values (n) in °C, NaN where there are none; None where they are no temperatures."""
     middle = float(np.median(values[np.isfinite(values)])) if np.isfinite(values).any() else np.nan
     unit = _unit(column)
-    if unit == "k" or (not unit and UNSTATED_KELVIN[0] < middle < UNSTATED_KELVIN[1]):
+    if unit == "k" or (not unit and _like_kelvin(middle)) or _is_mislabelled(unit, middle):
         values = values - 273.15
     elif unit == "f":
         values = (values - 32) / 1.8
     middle = float(np.nanmedian(values)) if np.isfinite(middle) else np.nan
     return values if COLDEST < middle < HOTTEST else None
+
+
+def are_kelvin_called_celsius(column: RawColumn, values: Floats) -> bool:
+    """Whether the header states °C and the values (n) are far above, as kelvins are."""
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and _is_mislabelled(_unit(column), float(np.median(known)))
+
+
+def _is_mislabelled(unit: str, middle: float) -> bool:
+    return unit == "c" and middle >= HOTTEST and _like_kelvin(middle)
+
+
+def _like_kelvin(middle: float) -> bool:
+    return UNSTATED_KELVIN[0] < middle < UNSTATED_KELVIN[1]
 
 
 def says_degrees(column: RawColumn) -> bool:
