@@ -604,3 +604,24 @@ def test_a_compass_in_gauss_whose_iron_makes_it_as_large_as_gravity(
     np.savetxt(tmp_path / "a.csv", y, "%.5f", ",", header="x,y,z", comments="")
     one = understood(capsys, str(tmp_path / "a.csv"))
     check(one, reading_unit="uT", raw_unit="gauss", visits_by="readings")
+
+
+@pytest.mark.parametrize(("names", "unit"), [("mag_x,mag_y,mag_z", "uT"), ("ax,ay,az", "g"), ("u,v,w", "g")])
+def test_names_of_given_columns_tell_the_quantity_before_counts_do(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, names: str, unit: str
+) -> None:
+    """Counts near a power of two, which an accelerometer's would be."""
+    path = tmp_path / "log.csv"
+    counts = np.round(sphere(rng, 300) * 4096 + [9, -8, 4])
+    np.savetxt(path, counts, "%d", ",", header=names, comments="")
+    check(understood(capsys, str(path), "--columns", names), reading_unit=unit)
+
+
+@pytest.mark.parametrize("row", ["Mx %d My %d Mz %d", "mx: %d, my: %d, mz: %d", "mx=%d my=%d mz=%d"])
+def test_names_in_front_of_each_number_name_the_columns(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, row: str
+) -> None:
+    path = tmp_path / "log.txt"
+    counts = np.round(sphere(rng, 300) * 530 + [9, -80, -24])
+    path.write_text("\n".join(row % tuple(r) for r in counts.astype(int).tolist()))
+    check(understood(capsys, str(path)), reading_unit="uT", visits=300)

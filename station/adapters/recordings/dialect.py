@@ -28,8 +28,9 @@ _RATE_KEY = re.compile(
     re.IGNORECASE,
 )
 _UNIT = re.compile(r"[\[(<]([^\])>]*)[\])>]")
-_KEYED = re.compile(r"^[\s{]*(?:\"?[A-Za-z]\w*\"?\s*[:=]\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){3,}\}?[\s,]*$")
-_KEY = re.compile(r"\"?([A-Za-z]\w*)\"?\s*[:=]\s*")
+_NAME = r"\"?([A-Za-z]\w*)\"?(?:\s*[:=]\s*|\s+(?=[-+.\d]))"
+_KEYED = re.compile(rf"^[\s{{]*(?:{_NAME}[-+]?[\d.]+(?:[eE][-+]?\d+)?[,;\s]*){{3,}}\}}?[\s,]*$")
+_KEY = re.compile(rf"(?<!\w){_NAME}")
 #: Lines that show the dialect, the fewest of names and values, and characters of a remark that may state the rate.
 HEAD, LEAST_KEYED, LONGEST_REMARK = 400, 8, 300
 #: Lines of a header at the most: devices, names, kinds and units.
@@ -88,12 +89,14 @@ def _decimal(numbers: list[str], delimiter: str) -> str:
 
 
 def without_keys(lines: list[str]) -> list[str]:
-    """Lines of `ax:0.1, ay:0.2` as a header and rows; other lines as they are."""
+    """Lines of `ax:0.1, ay:0.2` or `ax 0.1 ay 0.2` as a header and rows; other lines as they are."""
     head = [line for line in lines[:HEAD] if line.strip()]
     keyed = [line for line in head if _KEYED.match(line)]
     if len(keyed) < 0.8 * max(len(head), 1) or len(keyed) < LEAST_KEYED:
         return lines
     names = _KEY.findall(keyed[-1])
+    if len(set(names)) < len(names) or _KEY.findall(keyed[0]) != names:
+        return lines
     rows = [_KEY.sub(" ", line) for line in lines if _KEYED.match(line)]
     return [" ".join(names), *(re.sub(r"[,;\s{}]+", " ", row) for row in rows)]
 

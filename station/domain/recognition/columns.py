@@ -97,7 +97,8 @@ def assign(table: RawTable, options: ImportOptions, quantity: Quantity) -> Roles
         label = _labels(table, {*given, time, counter, temperature})
     others: tuple[Axes, ...] = ()
     if given:
-        axes, inferred, rank = (given[-3], given[-2], given[-1]), False, 0
+        axes, inferred = (given[-3], given[-2], given[-1]), False
+        rank = _rank_of(table, axes, quantity)
     else:
         axes, inferred, rank, others = _axes(table, quantity, {time, counter, temperature, label})
     for place in (*axes, time, temperature):
@@ -192,6 +193,12 @@ def _quantities_of(unit: str) -> tuple[str, ...]:
     """The quantities that a unit may be of, the likeliest first; none of what is no unit."""
     known = ((q.unit, canonical(unit, q)) for q in QUANTITIES.values()) if unit else ()
     return tuple(name for name, found in known if found not in (None, "LSB"))
+
+
+def _rank_of(table: RawTable, axes: Axes, quantity: Quantity) -> int:
+    """How well the names of given axes fit; NAMELESS where they have nothing in common."""
+    stems = [stem for stem, _ in _named_axes(table, axes)] if table.named else []
+    return min((_rank(stem, table.columns[axes[0]].unit, quantity) for stem in stems), default=NAMELESS)
 
 
 def _triples(table: RawTable, assigned: set[int | None]) -> list[tuple[str, Axes]]:

@@ -38,7 +38,7 @@ def unit_of(table: RawTable, options: ImportOptions) -> str:
     if not found:
         return next(iter(QUANTITIES))
     called = [unit for unit, roles in found.items() if roles.rank < columns.NAMELESS]
-    if called and options.columns is None:
+    if called:
         gravity = "g" not in called and "g" in found and _like_gravity(table, found["g"])
         return "g" if gravity else called[0]
     best = min(found, key=lambda unit: found[unit].rank)
