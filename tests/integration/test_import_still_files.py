@@ -25,8 +25,9 @@ def write_faces(
     scale: float = G,
     zero: float = 0.0,
     readings: int = 500,
+    unit: str = "",
 ) -> list[str]:
-    """A file a face, as (time, x, y, z); in counts where the scale is 1,000 or more."""
+    """A file a face, as (time, x, y, z [unit]); in counts where the scale is 1,000 or more."""
     folder.mkdir(exist_ok=True)
     written = []
     for i, name in enumerate(AXES):
@@ -34,7 +35,9 @@ def write_faces(
         true[i // 2] = 1 - 2 * (i % 2)
         y: Floats = zero + scale * (MATRIX @ true + [0.02, -0.01, 0.03] + 3e-4 * rng.standard_normal((readings, 3)))
         y = np.round(y) if scale >= 1000 else y
-        table = pd.DataFrame(np.c_[np.arange(readings) / 100, y], columns=["time_s", "ax", "ay", "az"])
+        table = pd.DataFrame(
+            np.c_[np.arange(readings) / 100, y], columns=["time_s", *(f"a{axis}{unit}" for axis in "xyz")]
+        )
         table.to_csv(folder / f"{prefix}{name}.csv", index=False)
         written.append(str(folder / f"{prefix}{name}.csv"))
     return written
@@ -68,6 +71,18 @@ def test_a_file_a_face_is_one_unit_on_one_scale(
     (unit,) = json.loads(capsys.readouterr().out)["units"]
     # The gains stay in the readings, for one scale holds for all files.
     assert np.diag(unit["matrix"]) == pytest.approx(np.diag(MATRIX), abs=5e-4)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(" [m/s^2]", 1.0), (" [g]", G), (" [g]", 16384.0)])
+def test_all_faces_together_contradict_their_headers(
+    rng: np.random.Generator, tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, scale: float
+) -> None:
+    files = write_faces(tmp_path, rng, scale=scale, unit=unit)
+    (one,) = recordings(capsys, files)
+    assert (one["scale"], one["poses"]) == (pytest.approx(1 / scale), 6)
+    assert [r["id"] for r in one["remarks"]][:1] == ["header-unit-wrong"]  # type: ignore[attr-defined]
+    (held,) = recordings(capsys, files, "--unit", unit.strip(" []"))
+    assert "header-unit-wrong" not in [r["id"] for r in held["remarks"]]  # type: ignore[attr-defined]
 
 
 def test_files_of_two_units_are_told_apart_by_their_names_or_folders(

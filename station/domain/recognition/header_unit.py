@@ -2,6 +2,7 @@
 
 from station.domain.core.types import Floats
 from station.domain.recognition.quantities import Quantity, UnitScale, from_magnitude, spans, sphere
+from station.messages import Message
 
 #: Within this factor of the stimulus a header is believed: sensors are off by a range set wrong, or by their iron.
 DOUBTFUL = 2.0
@@ -9,16 +10,22 @@ DOUBTFUL = 2.0
 NEAR = 0.1
 
 
-def believed(means: Floats, stated: UnitScale, quantity: Quantity, *, whole: bool) -> UnitScale:
-    """The scale that a header states, or the one unit in which the mean raw readings at rest (k, 3) are the stimulus,
-    where they lie all about a sphere that is far from it in the stated one; whole: the raw numbers are integers."""
-    if quantity.sizes is None or not len(means):
-        return stated
+def believed(
+    source: str, means: Floats, stated: UnitScale, quantity: Quantity, *, whole: bool
+) -> tuple[UnitScale, tuple[Message, ...]]:
+    """The scale that was stated, or where a header alone states it the one unit in which the mean raw readings at rest
+    (k, 3) are the stimulus, if they lie all about a sphere that is far from it in the stated one; and what is said of
+    that. whole: the raw numbers are integers."""
+    if not stated.of_header or quantity.sizes is None or not len(means):
+        return stated, ()
     low, high = quantity.sizes
     centre, radius = sphere(means)
     size = radius * stated.factor
     if not size > 0 or low / DOUBTFUL <= size <= high * DOUBTFUL or not spans(means / radius, centre / radius, 1.0):
-        return stated
+        return stated, ()
     found = from_magnitude(means, quantity, whole=whole)
-    fits = low * (1 - NEAR) <= radius * found.factor <= high * (1 + NEAR)
-    return found if found.exact and fits else stated
+    fitting = radius * found.factor
+    if not (found.exact and low * (1 - NEAR) <= fitting <= high * (1 + NEAR)):
+        return stated, ()
+    names = {"stated": stated.unit, "taken": found.unit, "unit": quantity.unit}
+    return found, (Message("header-unit-wrong", file=source, size=size, fitting=fitting, **names),)

@@ -144,13 +144,15 @@ _FACTORS: Mapping[str, Mapping[str, float]] = {
 @dataclass(frozen=True, slots=True)
 class UnitScale:
     """reading = (raw − zero) · factor. unit: what the raw numbers are; inferred: by their size, not by a name;
-    exact: whether the factor is a unit's own, so that the gain of the sensor stays in the readings."""
+    exact: whether the factor is a unit's own, so that the gain of the sensor stays in the readings; of_header: stated
+    by a header alone, which readings may contradict."""
 
     unit: str
     factor: float
     zero: float = 0.0
     inferred: bool = True
     exact: bool = True
+    of_header: bool = False
 
 
 def from_magnitude(means: Floats, quantity: Quantity, *, whole: bool) -> UnitScale:

@@ -100,8 +100,9 @@ def understand(
     means = _rest_means(ticks.time_s, raw, edges, quantity)
     if of_axes is None:
         axis_units.check(table, roles.axes, means, quantity)
-        scale = _scale(table, roles, options, quantity, means, raw, rates)
-        remarks = (*remarks, *_disbelieved(table, roles, options, quantity, means, scale))
+        stated = _scale(table, roles, options, quantity, means, raw, rates)
+        scale, doubts = header_unit.believed(table.source, means, stated, quantity, whole=_are_whole(raw))
+        remarks = (*remarks, *doubts)
     else:
         scale = UnitScale(unit, 1.0, inferred=False)
     temperature, lost = _temperature(table, roles, usable)
@@ -290,29 +291,17 @@ def _scale(
         if stated is None:
             known = ", ".join((*quantity.factors, "LSB"))
             raise UsageError("unit-of-readings-unknown", unit=options.unit, known=known)
-    whole = bool(np.all(raw[:1000] % 1 == 0))
+    whole = _are_whole(raw)
     if stated is not None and stated != "LSB":
-        scale = UnitScale(stated, quantity.factors[stated], inferred=False)
-        return scale if options.unit is not None else header_unit.believed(means, scale, quantity, whole=whole)
+        return UnitScale(stated, quantity.factors[stated], inferred=False, of_header=options.unit is None)
     if rates is not None:
         return quantities.from_rates(means, rates, quantity, whole=whole or stated == "LSB")
     found = quantities.from_magnitude(means, quantity, whole=whole or stated == "LSB")
     return replace(found, inferred=stated is None)
 
 
-def _disbelieved(
-    table: RawTable, roles: Roles, options: ImportOptions, quantity: Quantity, means: Floats, scale: UnitScale
-) -> tuple[Message, ...]:
-    """What is said of a header whose unit the readings at rest (k, 3) contradict."""
-    stated = columns.stated_unit(table, roles.axes, quantity) if table.named and options.unit is None else None
-    if stated in (None, "LSB", scale.unit) or scale.unit == "raw":
-        return ()
-    assert stated is not None
-    _, radius = quantities.sphere(means)
-    sizes = {"size": radius * quantity.factors[stated], "fitting": radius * scale.factor}
-    return (
-        Message("header-unit-wrong", file=table.source, stated=stated, taken=scale.unit, unit=quantity.unit, **sizes),
-    )
+def _are_whole(raw: Floats) -> bool:
+    return bool(np.all(raw[:1000] % 1 == 0))
 
 
 def _temperature(table: RawTable, roles: Roles, usable: NDArray[np.intp]) -> tuple[Floats | None, tuple[Message, ...]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from station.domain.capture import rest_segments
 from station.domain.core.types import Floats
-from station.domain.recognition import quantities
+from station.domain.recognition import header_unit, quantities
 from station.domain.recognition.quantities import QUANTITIES, UnitScale
 from station.domain.recognition.recording import Recording
 from station.errors import SamplesError
@@ -89,7 +89,7 @@ def _join(recordings: Sequence[Recording], names: Sequence[str], serial: str) ->
     if len(recordings) < LEAST_POSES or len({(r.axes, r.unit) for r in recordings}) > 1:
         return None
     rests = [_rest(r) for r in recordings]
-    scale = _common_scale(recordings, rests)
+    scale, doubts = _common_scale(recordings, rests)
     moving = [r for r, own in zip(recordings, rests, strict=True) if not own]
     if len(moving) == 1 and _join([r for r in recordings if r is not moving[0]], names, serial) is not None:
         raise SamplesError("pose-file-moves", file=moving[0].source, files=len(recordings) - 1)
@@ -105,7 +105,7 @@ def _join(recordings: Sequence[Recording], names: Sequence[str], serial: str) ->
         return None
     whole = _concatenated(recordings, readings, [max(own, key=_length) for own in rests], names, scale)
     remark = Message("files-of-one-unit", first=names[0], last=names[-1], files=len(names), poses=poses, unit=serial)
-    return replace(whole, remarks=(*whole.remarks, remark))
+    return replace(whole, remarks=(*whole.remarks, *doubts, remark))
 
 
 def _length(rest: Rest) -> int:
@@ -127,18 +127,25 @@ def _raw(r: Recording) -> Floats:
     return np.asarray(r.reading / r.scale.factor + r.scale.zero)
 
 
-def _common_scale(recordings: Sequence[Recording], rests: Sequence[list[Rest]]) -> UnitScale | None:
-    """The scale that was stated for every file; else the one that all poses tell together; None where no pose does."""
+def _common_scale(
+    recordings: Sequence[Recording], rests: Sequence[list[Rest]]
+) -> tuple[UnitScale | None, tuple[Message, ...]]:
+    """The scale that was stated for every file, if all poses together do not contradict a header; else the one that
+    they tell; None where no pose does. And what is said of it."""
     scales = [r.scale for r in recordings]
-    if not any(s.inferred or s.unit == "LSB" for s in scales):
-        return scales[0] if len(set(scales)) == 1 else None
+    stated = not any(s.inferred or s.unit == "LSB" for s in scales)
+    if stated and len(set(scales)) > 1:
+        return None, ()
     raws = [_raw(r) for r in recordings]
-    means = [raw[a:b].mean(axis=0) for raw, own in zip(raws, rests, strict=True) for a, b in own]
-    if not means:
-        return None
+    means = np.array([raw[a:b].mean(axis=0) for raw, own in zip(raws, rests, strict=True) for a, b in own])
+    quantity = QUANTITIES[recordings[0].unit]
     whole = all(bool(np.all(np.abs(raw - np.round(raw)) < 1e-6 * np.maximum(np.abs(raw), 1))) for raw in raws)
-    found = quantities.from_magnitude(np.array(means), QUANTITIES[recordings[0].unit], whole=whole)
-    return replace(found, inferred=any(s.inferred for s in scales))
+    if stated:
+        return header_unit.believed(recordings[0].source, means, scales[0], quantity, whole=whole)
+    if not len(means):
+        return None, ()
+    found = quantities.from_magnitude(means, quantity, whole=whole)
+    return replace(found, inferred=any(s.inferred for s in scales)), ()
 
 
 def _concatenated(
