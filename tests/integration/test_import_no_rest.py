@@ -140,3 +140,14 @@ def test_of_two_columns_called_time_the_one_that_counts_rows_is_none(
     rows = np.c_[y, np.arange(len(y)), stamps]
     path = saved(tmp_path / "a.csv", rows, header="ax,ay,az,Arduino Time,Computer time")
     check(understood(capsys, path), rate_hz=200.0, time_unit="s", visits=8)
+
+
+def test_a_rest_in_which_the_logger_froze_is_no_end_of_the_range(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Of three turns one froze, which is the greatest of each axis by chance."""
+    means = np.repeat([[0.0, 0.0, 0.0], [1.9, -1.2, 1.3], [2.6, 0.6, 2.1], [0.0, 0.0, 0.0]], 200, axis=0)
+    y = np.round(means + rng.normal(0, 0.004, means.shape), 3)
+    y[405:595] = [2.63, 0.63, 2.13]
+    rates = saved(tmp_path / "gyro.csv", np.c_[np.arange(len(y)) / 100, y], header="t,gx,gy,gz")
+    check(understood(capsys, rates, "--unit", "deg/s"), full_scale=None)

@@ -17,6 +17,8 @@ MOST_READINGS, MOST_VALUES, LEAST_VALUES = 200_000, 4000, 4
 LEAST_READINGS = 16
 #: A reading repeated this often in a visit, at the end of what the axis ever reads, is the end of its range.
 FLAT_SHARE = 0.5
+#: The range of one axis is more than this share of another's: a part has one range.
+ONE_RANGE = 0.7
 MAD = 1.4826
 #: A step below this share of the noise is the last digit of a printed number and none of a converter.
 PRINTED = 1e-3
@@ -108,7 +110,9 @@ def _frozen(reading: Floats, visit: Array) -> NDArray[np.bool_]:
     length = np.diff(np.r_[begin, len(visit)])
     first = reading[begin]
     still = np.logical_and.reduceat((reading == np.repeat(first, length, axis=0)).all(axis=1), begin)
-    at_end = ((first == reading.max(axis=0)) | (first == reading.min(axis=0))).all(axis=1)
+    size = np.abs(first)
+    one_range = size.min(axis=1) > ONE_RANGE * size.max(axis=1)
+    at_end = ((first == reading.max(axis=0)) | (first == reading.min(axis=0))).all(axis=1) & one_range
     return np.asarray(np.repeat(still & ~at_end, length))
 
 
