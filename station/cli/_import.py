@@ -90,8 +90,12 @@ def _visited(
     try:
         visited = [(one, samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
     except SamplesError as error:
-        raise _with_compass(error, files, job) from None
+        raise error if _is_compass(passes) else _with_compass(error, files, job) from None
     return list(visited if recipe is not None else six_faces.called_after_faces(visited))
+
+
+def _is_compass(passes: Sequence[UnitRecording]) -> bool:
+    return all(one.recording.unit == "uT" for one in passes)
 
 
 def _with_compass(error: SamplesError, files: Sequence[Path], job: ImportJob) -> SamplesError:

@@ -625,3 +625,28 @@ def test_names_in_front_of_each_number_name_the_columns(
     counts = np.round(sphere(rng, 300) * 530 + [9, -80, -24])
     path.write_text("\n".join(row % tuple(r) for r in counts.astype(int).tolist()))
     check(understood(capsys, str(path)), reading_unit="uT", visits=300)
+
+
+def test_named_turn_rates_of_given_columns_are_no_gravity(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Of some 1 rad/s in the middle, as gravity is of 1 g."""
+    path = tmp_path / "log.csv"
+    y = np.repeat(rng.normal(0, 0.65, (60, 3)), 200, axis=0)
+    y += rng.normal(0, 0.001, y.shape)
+    np.savetxt(path, y, "%.5f", ",", header="gyr_x,gyr_y,gyr_z", comments="")
+    one = understood(capsys, str(path), "--columns", "gyr_x,gyr_y,gyr_z")
+    check(one, reading_unit="deg/s")
+
+
+def test_a_compass_that_lies_on_no_ellipsoid_is_not_named_in_its_stead(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Nine tenths of the rows say again what a slower compass said, the others are of a machine that starts."""
+    path = tmp_path / "magnetometer.csv"
+    turned = np.round(sphere(rng, 90) * 50, 1)
+    started = np.round(sphere(rng, 90) * rng.uniform(5, 120, (90, 1)), 1)
+    np.savetxt(path, np.r_[np.repeat(turned, 60, axis=0), started], "%.1f", ",")
+    assert station("import", path) == 2
+    said = capsys.readouterr().err
+    assert "--columns" not in said

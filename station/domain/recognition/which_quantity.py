@@ -39,7 +39,9 @@ def unit_of(table: RawTable, options: ImportOptions) -> str:
         return next(iter(QUANTITIES))
     called = [unit for unit, roles in found.items() if roles.rank < columns.NAMELESS]
     if called:
-        gravity = "g" not in called and "g" in found and _like_gravity(table, found["g"])
+        # Names of given columns are of these very readings, which others beside a named compass are not.
+        beside = options.columns is None and "g" not in called and "g" in found
+        gravity = beside and _like_gravity(table, found["g"])
         return "g" if gravity else called[0]
     best = min(found, key=lambda unit: found[unit].rank)
     named = [u for u, word in _WORDS.items() if u in found and _in_name(table.source, word)]
