@@ -30,8 +30,9 @@ def lines(findings: Mapping[str, Any]) -> Iterator[str]:
         gain = h["gain"]
         before, after = f"{gain['rms_before']:.3g}", f"{gain['rms_after']:.3g}"
         score, std = f"{gain['log_score']:.3g}", f"{gain['std_error']:.2g}"
+        said = "formula-gain" if gain["rms_after"] < gain["rms_before"] else "formula-gain-without-fall"
         yield "    " + render(
-            Message("formula-gain", before=before, after=after, unit=unit, score=score, std=std, by=gain["held_out_by"])
+            Message(said, before=before, after=after, unit=unit, score=score, std=std, by=gain["held_out_by"])
         )
         others = h["equivalent"]
         for other in others[:MOST_EQUIVALENT]:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from station.cli._diagnosis_page import html
-from station.cli._hypotheses_text import parameter_line
+from station.cli._hypotheses_text import lines, parameter_line
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.results.diagnosis_document import cause_names
 from station.diagnosis.results.smallest_effect import detectable_length
@@ -19,7 +19,7 @@ from station.diagnosis.search.finding import CauseFinding
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.reporting.diagnosis.cause_text import makes_testable
 from station.reporting.diagnosis.data import CauseSignature, DwellCourse, FormulaCurve, ReportData
-from station.reporting.diagnosis.hypothesis_section import draw_curve
+from station.reporting.diagnosis.hypothesis_section import draw_curve, formula_sentences
 from station.reporting.diagnosis.page import ReportPage, ReportSection, build_page
 from station.reporting.diagnosis.plot_axis import best_axis, plot_axis
 from station.reporting.diagnosis.quantity_format import format_interval, format_significant, format_size, unit_words
@@ -530,3 +530,15 @@ def test_a_constant_that_a_cause_holds_fixed_has_no_interval() -> None:
     held = {"name": "about", "axis": None, "of": "common", "value": 24.0, "std": 0.0, "unit": "degC"}
     assert parameter_line(held).endswith("about 24 °C")
     assert parameter_line({**held, "std": 0.44}).endswith("about 24 ± 0.44 °C")
+
+
+@pytest.mark.parametrize(("after", "falls"), [(1.2e-4, True), (3.1e-4, False)])
+def test_a_residual_that_a_formula_does_not_lower_is_said_not_to_fall(after: float, falls: bool) -> None:
+    """The score weighs readings by their noise, the residual does not."""
+    gain = {"held_out_by": "visit", "rms_before": 2.1e-4, "rms_after": after, "log_score": 28.8, "std_error": 11.0}
+    formula = {"formula": "reading_z += c · a_z²", "complete": False, "parameters": [], "gain": gain, "equivalent": []}
+    unknown = {"depends_on": ["input"], "hypotheses": [formula]}
+    said = " ".join(lines({"unknown": unknown, "baseline": {"unit": "g"}}))
+    reported = " ".join(formula_sentences(some_data("unknown", unknown=unknown)))
+    for text in (said, reported):
+        assert ("does not fall" in text) is not falls

@@ -32,7 +32,9 @@ def formula_sentences(data: ReportData) -> tuple[str, ...]:
     factor, words = display_unit([gain["rms_before"]], unit)
     before, after = (format_significant(gain[key] * factor) for key in ("rms_before", "rms_after"))
     text = [report_text("report-formula-whole" if h["complete"] else "report-formula-part")]
-    text.append(report_text("report-formula-gain", before=before, after=after, unit=words))
+    falls = gain["rms_after"] < gain["rms_before"]
+    said = "report-formula-gain" if falls else "report-formula-gain-without-fall"
+    text.append(report_text(said, before=before, after=after, unit=words))
     if h["equivalent"]:
         text.append(report_text("report-formula-tied", formulas=tuple(h["equivalent"])))
     return tuple(text)
