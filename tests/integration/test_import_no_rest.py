@@ -55,6 +55,32 @@ def test_readings_held_for_any_number_of_rows_are_taken_once(
     assert one["readings"] == len(y)
 
 
+@pytest.mark.parametrize("written", ["each third at once", "the second half at the end again", "all after all"])
+def test_rows_written_again_are_taken_once(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture, written: str
+) -> None:
+    y = np.round(tumble(rng), 5)
+    rows = np.c_[np.arange(len(y)) / 100, y]
+    again = {
+        "each third at once": np.repeat(rows, 1 + (np.arange(len(y)) % 3 == 0), axis=0),
+        "the second half at the end again": np.r_[rows, rows[len(rows) // 2 :]],
+        "all after all": np.r_[rows, rows],
+    }[written]
+    one = understood(capsys, saved(tmp_path / "a.csv", again, "%.5f", header="t,ax,ay,az"))
+    check(one, readings=len(y), rate_hz=100.0, restarts=0, visits=8)
+    assert "rows-written-again" in remarks(one)
+
+
+def test_rows_of_one_coarse_stamp_are_readings_of_their_own(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """Of a converter as coarse as its noise, so that many neighbours are equal."""
+    y = np.round(tumble(rng) / 0.004) * 0.004
+    rows = np.c_[np.floor(np.arange(len(y)) / 5) / 20, y]
+    one = understood(capsys, saved(tmp_path / "a.csv", rows, "%.5f", header="t,ax,ay,az"))
+    check(one, readings=len(y))
+
+
 def test_a_frozen_rest_alone_is_not_held(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
     y = np.round(tumble(rng), 5)
     y[1000:2000] = y[1000]

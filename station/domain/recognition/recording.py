@@ -72,6 +72,8 @@ def understand(
     quantity = QUANTITIES[unit]
     roles = columns.assign(table, options, quantity)
     keep, remarks = bad_rows.usable(table, roles.axes, roles.time, quantity)
+    keep, twice = _once(table, roles, keep)
+    remarks = (*remarks, *twice)
     raw = np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1)
     ticks = _clock(table, roles, options, keep, assumed_rate_hz)
     raw, usable = raw[ticks.order], keep[ticks.order]
@@ -139,6 +141,17 @@ def _brought_together(table: RawTable, roles: Roles, units: axis_units.Units, un
     """What is said of axes in different units."""
     each = tuple(f"{table.columns[i].name} [{own}]" for i, own in zip(roles.axes, units, strict=True))
     return Message("axes-of-several-units", file=table.source, axes=each, unit=unit)
+
+
+def _once(table: RawTable, roles: Roles, keep: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[Message, ...]]:
+    """The rows without those written again, and what is said of these."""
+    stamps = None if roles.time is None else table.columns[roles.time].values
+    if stamps is None:
+        return keep, ()
+    first = held.rows_once(stamps[keep], np.stack([table.numbers(i)[keep] for i in roles.axes], axis=1))
+    if first is None:
+        return keep, ()
+    return keep[first], (Message("rows-written-again", file=table.source, rows=len(keep) - len(first)),)
 
 
 def _held(table: RawTable, ticks: SampleClock, times: float) -> Message:
