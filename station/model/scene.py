@@ -192,7 +192,8 @@ def visits_scene_of_table(recipe: Recipe, table: SampleTable) -> Scene:
     """The same without covariates: what was done, and when."""
     first, visit = _first_rows(_key(np.stack([table.unit.code, table.run, table.visit])))
     at = table[first]
-    visits = visit_table(recipe, at.unit, at.run, at.visit, {**at.labels, "position": at.position})
+    labels = {name: label.used() for name, label in at.labels.items()}
+    visits = visit_table(recipe, at.unit, at.run, at.visit, {**labels, "position": at.position})
     if recipe.reference.source == "gold" and table.gold is not None:
         visits = visits.with_gold(recipe, _means(table.gold, visit, len(visits)))
     return Scene(recipe, visits, visit, table.time_s)

@@ -67,6 +67,15 @@ def test_the_counter_tells_lost_repeated_and_reordered_frames(change: str, effec
     assert np.mean(shares) == pytest.approx(len(hit) / len(made), rel=0.05)
 
 
+@pytest.mark.parametrize("every", [1, 3])
+def test_frames_that_came_twice_count_once(every: int) -> None:
+    made = table()
+    rows = np.sort(np.r_[np.arange(len(made)), np.arange(0, len(made), every)])
+    looked = inspect(RECIPE, made[rows])
+    assert [f.effect for f in looked.faults if f.effect == "duplicated-frames"]
+    assert np.array_equal(looked.table.time_s, made.time_s)
+
+
 def test_a_clock_that_is_off_is_told_from_one_within_its_tolerance() -> None:
     for error, expected in ((1e-4, False), (1e-2, True), (-1e-2, True)):
         made = table()

@@ -82,8 +82,8 @@ class _Seen:
     def takes(self, raw: SampleTable) -> bool:
         """Whether nothing is out of the ordinary in some more units, nor in all so far together."""
         table = preflight.in_order(raw.used())
-        if not self._units.isdisjoint(table.unit.names):
-            # The rows of a unit do not stand together: a portion has a part of it.
+        if len(table) < len(raw) or not self._units.isdisjoint(table.unit.names):
+            # Copies of rows; or the rows of a unit do not stand together: a portion has a part of it.
             return False
         self._units.update(table.unit.names)
         try:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data import corrupt_values, field_direction, preflight_checks, stays, visit_motion
+from station.diagnosis.data import column_checks, corrupt_values, field_direction, preflight_checks, stays, visit_motion
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
@@ -92,9 +92,11 @@ class Preflight:
 
 def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:
     """What samples are, and those of them that count. Errors: SamplesError where they are of no tumble."""
-    table = in_order(table)
+    rows, table = len(table), in_order(table)
+    again = (Message("samples-written-again", rows=rows - len(table), total=rows),) if len(table) < rows else ()
     preflight_checks.check_positions(table, *visit_boundaries(table))
     table, corrupt = corrupt_values.repaired(recipe, table)
+    table, unused = column_checks.without_misnamed(recipe, table)
     table, steps = stays.split_at_steps(recipe, table)
     begin, end = visit_boundaries(table)
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
@@ -128,7 +130,9 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
         inferred=inferred_keys(recipe),
         left_out=lost,
         remarks=(
+            *again,
             *corrupt,
+            *unused,
             *preflight_checks.remarks(recipe, table, (begin, mean, out), found, turned),
             *preflight_checks.stepped(recipe, table, begin, mean, steps),
             *field_direction.field_remarks(recipe, table, begin[~out], mean[~out], unit[~out]),
@@ -162,8 +166,22 @@ def _moving(
 
 
 def in_order(table: SampleTable) -> SampleTable:
-    """The table sorted by unit, run and visit, each visit in the order of time."""
-    return _in_order_of_time(sort_table(table))
+    """The table sorted by unit, run and visit, each visit in the order of time, without rows that a table holds again
+    because it was joined with a copy of itself."""
+    return _in_order_of_time(_without_copies(sort_table(table)))
+
+
+def _without_copies(table: SampleTable) -> SampleTable:
+    """The sorted table without samples of which the same visit has the same stamp and reading before, not directly: a
+    frame that a bus repeats follows the one that it repeats."""
+    begin, end = visit_boundaries(table)
+    visit = np.repeat(np.arange(len(begin)), end - begin)
+    if not np.any((np.diff(table.time_s) < 0) & (np.diff(visit) == 0)):
+        return table
+    order = np.lexsort((table.time_s, visit))
+    same = (np.diff(visit[order]) == 0) & (np.diff(table.time_s[order]) == 0) & (np.diff(order) > 1)
+    same &= (table.reading[order[1:]] == table.reading[order[:-1]]).all(axis=1)
+    return table[np.delete(np.arange(len(table)), order[1:][same])] if same.any() else table
 
 
 def _in_order_of_time(table: SampleTable) -> SampleTable:

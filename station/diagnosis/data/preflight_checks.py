@@ -56,13 +56,29 @@ def stimulus_size(recipe: Recipe, mean: Floats) -> float:
 
 
 def check_positions(table: SampleTable, begin: NDArray[np.int64], end: NDArray[np.int64]) -> None:
-    """Errors: SamplesError where a visit is at two positions: numbers of visits are wrong, not the unit."""
+    """Errors: SamplesError where a visit is at two positions or in two seatings: numbers of visits are wrong, not the
+    unit."""
     inside = np.flatnonzero(table.position.code != np.repeat(table.position.code[begin], end - begin))
     if len(inside):
         row = int(inside[0])
         one, two = (table.position.names[table.position.code[r]] for r in (row - 1, row))
         raise SamplesError(
             "visit-at-two-positions", serial=table.unit.names[table.unit.code[row]], run=int(table.run[row]),
+            visit=int(table.visit[row]), one=one, two=two,
+        )  # fmt: skip
+    if "seating" in table.labels:
+        _check_seated_once(table, begin, end)
+
+
+def _check_seated_once(table: SampleTable, begin: NDArray[np.int64], end: NDArray[np.int64]) -> None:
+    """Errors: SamplesError where a visit is in two seatings."""
+    seating = table.labels["seating"]
+    inside = np.flatnonzero(seating.code != np.repeat(seating.code[begin], end - begin))
+    if len(inside):
+        row = int(inside[0])
+        one, two = (seating.names[seating.code[r]] for r in (row - 1, row))
+        raise SamplesError(
+            "visit-seated-twice", serial=table.unit.names[table.unit.code[row]], run=int(table.run[row]),
             visit=int(table.visit[row]), one=one, two=two,
         )  # fmt: skip
 

@@ -84,6 +84,9 @@ def inspect(recipe: Recipe, table: SampleTable) -> Inspection:
     usable = table[whole].used() if bad.any() else table
     found += motor_tone.faults(recipe, usable, visit[whole])
     found = [f for f in found if not f.rejected]
+    if any(f.effect == "duplicated-frames" for f in found):
+        whole[whole] = ~counters.repeats(recipe, usable, visit[whole])
+        usable = table[whole].used()
     usable = _honestly_rounded(recipe, usable, visit[whole], found)
     driven = "motor" in table.values and float(np.ptp(table.values["motor"])) > 0.0
     hidden = undetectable_faults(recipe, table.values, len(table), len(scene.visits), driven=driven)

@@ -69,6 +69,17 @@ def tally(table: SampleTable, visit: NDArray[np.intp], bits: int) -> FrameTally:
     return FrameTally(unit.astype(np.intp), high - low + 1, arrived, different, back)
 
 
+def repeats(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which frames (n) came before already, number and reading: what a bus repeats tells nothing more of the sensor."""
+    number = unwrapped(table.values["counter"], visit, recipe.device.counter_bits)
+    order = np.lexsort((number, visit))
+    same = (np.diff(visit[order]) == 0) & (np.diff(number[order]) == 0)
+    same &= (table.reading[order[1:]] == table.reading[order[:-1]]).all(axis=1)
+    out = np.zeros(len(table), bool)
+    out[order[1:]] = same
+    return out
+
+
 def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[GrossFault]:
     """What the counter shows; nothing where there is none."""
     if "counter" not in table.values:
