@@ -65,6 +65,17 @@ def test_noise_step_rate_and_poses_are_inferred(rng: np.random.Generator) -> Non
     assert not {"rate_hz", "lsb"} & recipe.device.model_fields_set
 
 
+@pytest.mark.parametrize(("samples", "told"), [(1, 0), (100, 1)])
+def test_one_coarse_stamp_of_two_single_readings_is_no_restart(
+    rng: np.random.Generator, samples: int, told: int
+) -> None:
+    whole = table(still(rng, samples=samples), 24)
+    time_s = whole.time_s.copy()
+    time_s[whole.visit == 7] -= time_s[whole.visit == 7][0] - time_s[whole.visit == 6][0]
+    found, _ = preflight.inspect(silent(by_hand()), replace(whole, time_s=time_s))
+    assert [note.id for note in found.remarks].count("clock-restarts") == told
+
+
 def test_a_stated_sheet_is_left_alone(rng: np.random.Generator) -> None:
     recipe = by_hand(rate_hz=100.0, lsb=1e-5, noise_density=1e-4)
     found, _ = preflight.inspect(recipe, table(still(rng), 24))

@@ -29,6 +29,9 @@ COARSE, LEAST_CHANGES = 0.2, 4
 FEWEST_STAMPS = 4
 #: A step so many times the usual one is a pause.
 PAUSE_STEPS = 50.0
+#: Steps from reading to reading, at least so many, lie within this share of their middle, and rise as often as they
+#: fall within this factor.
+LEAST_STEPS, ABOUT_ONE, AS_OFTEN = 50, 1.5, 1.5
 #: A clock is steady where this share of its steps is within this share of the usual one.
 MOSTLY, STEADY = 0.95, 0.2
 #: More stamps than this share going back, and the rows are out of order.
@@ -44,7 +47,7 @@ FAR_PERIODS, MIDDLE = 50.0, (0.1, 0.9)
 class SampleClock:
     """time_s (n) from 0, in the order of `order` (n) rows. unit: of the stamps, `none` without any; inferred: by their
     size; rate_hz: counts over the span, pauses left out; source: data | given | assumed; jitter_s: scatter of steps;
-    outliers: stamps far off the pace of those before and after, which is used."""
+    outliers: stamps far off the pace of those before and after, which is used; of_steps: added up."""
 
     time_s: Floats
     order: NDArray[np.intp]
@@ -56,6 +59,7 @@ class SampleClock:
     gaps: int = 0
     restarts: int = 0
     outliers: int = 0
+    of_steps: bool = False
 
     def without_few(self, kept: NDArray[np.intp]) -> "SampleClock":
         """The clock of the rows kept (k), few of which were left out: its rate is as it was."""
@@ -99,6 +103,9 @@ def stamped(
     """By stamps (n). stated: the header's unit; wanted: the person's; rate_hz: as the file states it, to tell the unit.
     Ticks of no unit that makes that rate are counted at it. Errors: SamplesError."""
     unit = wanted or unit_of_name(name, stated)
+    of_steps = are_steps(np.asarray(stamps, float))
+    if of_steps:
+        stamps = np.cumsum(np.asarray(stamps, float))
     inferred = unit is None
     raw = stamps - stamps[0] if stamps.dtype.kind in "iu" else np.asarray(stamps, float)
     raw = np.asarray(raw, float)
@@ -128,8 +135,31 @@ def stamped(
     gap = steps > max(5 * middle, 0.25)
     found_hz, jitter_s = rate_of(time_s, ~gap)
     return SampleClock(
-        time_s, order, unit, inferred, found_hz or 1 / middle, "data", jitter_s, int(gap.sum()), restarts, outliers
+        time_s,
+        order,
+        unit,
+        inferred,
+        found_hz or 1 / middle,
+        "data",
+        jitter_s,
+        int(gap.sum()),
+        restarts,
+        outliers,
+        of_steps,
     )
+
+
+def are_steps(stamps: Floats) -> bool:
+    """Whether a column (n) holds what passed since the reading before, and no stamps: it falls as often as it rises,
+    stays about one size, and is not a steady clock in another order."""
+    if len(stamps) < LEAST_STEPS or not (np.isfinite(stamps) & (stamps >= 0)).all():
+        return False
+    middle, (low, high) = float(np.median(stamps)), np.quantile(stamps, (0.05, 0.95))
+    if not 0 < high - low <= ABOUT_ONE * middle or stamps.max() > PAUSE_STEPS * middle:
+        return False
+    rises, falls = (int(np.count_nonzero(sign * np.diff(stamps) > 0)) for sign in (1, -1))
+    evenly = falls >= LEAST_CHANGES and falls / AS_OFTEN <= rises <= falls * AS_OFTEN
+    return evenly and not (are_of_today(stamps) or are_seconds_of_today(stamps) or _shuffled(stamps))
 
 
 def _shuffled(time_s: Floats) -> bool:

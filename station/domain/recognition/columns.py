@@ -28,7 +28,8 @@ _COMPUTED = re.compile(r"^q$|quat|^pos|position|veloc|^vel|euler|attitude|orient
 #: Columns of a table with names that are no axes, whatever their numbers.
 _OTHER = re.compile(
     r"latitude|longitude|altitude|(^|[^a-z])(lat|lon|long|lng|alt|phi|theta|lux)($|[^a-z])|speed|bearing|heading|course"
-    r"|direction|distance|accuracy|satellit|hdop|pressure|humid|baro|volt|batter|illumin|rssi|roll|pitch|yaw|angle",
+    r"|direction|distance|accuracy|satellit|hdop|press|humid|baro|volt|batter|illumin|rssi|roll|pitch|yaw|angle"
+    r"|(^|[^a-z])(rpm|gears?|fuel|oil|boost|air|map|maf)($|[^a-z])|torque|throttle|pedal|brake|steering|engine|coolant",
     re.IGNORECASE,
 )
 #: Ranks of names: from NAMELESS on they tell no quantity, from FOREIGN on another; without names content decides.

@@ -184,6 +184,8 @@ def _without(one: Recording, corrupt: NDArray[np.bool_]) -> Recording:
 
 def _paced(table: RawTable, ticks: SampleClock, options: ImportOptions) -> Iterator[Message]:
     """What is said of stamps far off the pace of the others, and of a pace that is no sensor's in the header's unit."""
+    if ticks.of_steps:
+        yield Message("stamps-are-steps", file=table.source, rate_hz=ticks.rate_hz)
     if ticks.outliers:
         yield Message("import-stamp-outliers", file=table.source, count=ticks.outliers)
     likelier = None if options.time_unit is not None else clock.likelier_unit(ticks)

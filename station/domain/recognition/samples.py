@@ -11,7 +11,7 @@ from station.domain.capture import rest_segments
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.evaluation.quality import FACE_DEG
 from station.domain.recipe.recipe import Recipe
-from station.domain.recognition import no_rest, visits
+from station.domain.recognition import no_rest, spins, visits
 from station.domain.recognition.quantities import QUANTITIES, sphere
 from station.domain.recognition.quiet_readings import MOST_POSES, portion, quietest
 from station.domain.recognition.raw_table import RawTable
@@ -33,6 +33,8 @@ LEAST_FOR_OFFSET = 9
 FASTEST_DEG_S = 5000.0
 #: Slower than this share of the fastest is rest.
 AT_REST = 0.05
+#: The Earth's own turning, deg/s, is all that a gyroscope feels at rest.
+EARTH_DEG_S = 0.0045
 #: Gravity shows in an accelerometer at rest as at least so much, g, whatever its offset.
 LEAST_GRAVITY_G = 0.3
 #: An acceleration of unknown scale that scatters by this share of its own size at rest, or from rest to rest, is not
@@ -105,6 +107,8 @@ def visits_of(recording: Recording, recipe: Recipe | None, *, one_rest: bool = F
     """The visits of a recording; one_rest: a single one will do. Errors: SamplesError where there are none, or it is
     no tumble."""
     if recording.edges is not None and recording.declared is not None:
+        if recording.names_no_axes and _orientations(recording, recording.edges) < LEAST_ORIENTATIONS:
+            raise SamplesError("columns-of-no-sensor", file=recording.source, axes=recording.axes)
         names = recording.names or tuple(f"block-{i + 1:03d}" for i in range(len(recording.edges)))
         found = Visits(recording.edges, names, recording.declared)
     else:
@@ -116,7 +120,9 @@ def _undeclared(recording: Recording, *, one_rest: bool) -> Visits:
     """By rest or, where nothing rests but the readings are a pose each, a visit a reading."""
     try:
         edges = _rest(recording)
-        if not (one_rest and len(edges) == 1):
+        if recording.unit == "deg/s":
+            spins.check(recording, edges, one_rate=one_rest)
+        elif not (one_rest and len(edges) == 1):
             _check_tumble(recording, edges)
         if _swept(recording, edges):
             return _a_reading_each(recording)
@@ -230,13 +236,11 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
     size = float(np.median(np.linalg.norm(means, axis=1)))
     if recording.unit == "g" and size < LEAST_GRAVITY_G:
         raise SamplesError("no-gravity", file=recording.source, size=size)
-    gyroscope = recording.unit == "deg/s"
     if len(edges) == 1 and share >= LEAST_REST:
-        what = "one-rate-only" if gyroscope else "one-rest-only"
-        raise SamplesError(what, file=recording.source, rest_s=share * float(recording.time_s[-1]))
+        raise SamplesError("one-rest-only", file=recording.source, rest_s=share * float(recording.time_s[-1]))
     poses = int(rest_segments.orientations(means).max()) + 1
     pushed = recording.unit == "g" and poses < visits.LEAST_POSES and _lengths_apart(means) > PUSHED * size
-    comes_back = poses == 1 and not gyroscope and share < LEAST_REST_IN_ONE
+    comes_back = poses == 1 and share < LEAST_REST_IN_ONE
     # Nothing but their size says that they are a field.
     by_size = recording.unit == "uT" and recording.scale.inferred and not _named_a_field(recording)
     if comes_back and share >= LEAST_REST:
@@ -247,8 +251,6 @@ def _check_tumble(recording: Recording, edges: NDArray[np.int64]) -> None:
         or (by_size and poses < LEAST_OF_A_FIELD)
         or (share < LEAST_REST and (poses < LEAST_ORIENTATIONS or pushed))
     ):
-        if gyroscope:
-            raise SamplesError("no-spins", file=recording.source, rest_percent=100 * share)
         raise SamplesError("no-tumble", file=recording.source, rest_percent=100 * share, poses=poses)
 
 
@@ -339,6 +341,9 @@ def _nearest_rate(recipe: Recipe, mean: Floats, true: Floats) -> list[str]:
     apart = np.linalg.norm(mean[:, None] - true, axis=2)
     best = apart.argmin(axis=1)
     near = apart.min(axis=1) < np.maximum(np.sin(np.deg2rad(FACE_DEG)) * speed, AT_REST * fastest)[best]
+    if fastest < EARTH_DEG_S:  # Rest is all that the recipe knows: what is slow beside the other stretches.
+        turns = np.linalg.norm(mean, axis=1)
+        near = turns <= max(2 * float(turns.min()), AT_REST * float(turns.max()))
     resting = speed < AT_REST * fastest
     told = ~resting | (np.count_nonzero(resting) == 1)
     return [recipe.positions[b].name if ok and told[b] else "" for b, ok in zip(best, near, strict=True)]

@@ -14,11 +14,16 @@ NAMES = re.compile(
     r"|^(tiempo|tempo|temps|czas|tid|tijd|время|aika)($|[ _(\[])",
     re.IGNORECASE,
 )
+_UNIT = re.compile(r"_?(s|ms|us|ns)$")
 _COUNTER = re.compile(r"sample|index|count|frame|^n$|^i$|^no$|^nr$|^#$|^seq|序号", re.IGNORECASE)
 #: Units of stamps.
 TIME_UNITS = ("s", "ms", "us", "ns")
 #: A column of at least so many steps is time where this share of them is within this share of the median step.
 LEAST_STEPS, STEADY, MOSTLY = 50, 0.8, 0.5
+#: A recording of fewer milliseconds shows no rest.
+FEWEST_MS = 4000
+#: Names of what passed since the reading before.
+_STEPS = re.compile(r"^d_?t$|^(delta|diff)_?t(ime)?$|^t(ime)?_?(delta|diff|step)$|^interval", re.IGNORECASE)
 
 
 def find(table: RawTable, assigned: set[int | None]) -> int | None:
@@ -37,8 +42,14 @@ def find(table: RawTable, assigned: set[int | None]) -> int | None:
         return named[0]
     if table.named:
         counted = [i for i in free if _COUNTER.search(table.columns[i].name) and _rises(table.columns[i].values)]
-        return counted[0] if counted else next((i for i in free[:2] if _is_steady_clock(table.numbers(i))), None)
+        steady = (i for i in free[:2] if _is_steady_clock(table.numbers(i)))
+        steps = (i for i in free if _is_step(table.columns[i]))
+        return counted[0] if counted else next(iter([*steady, *steps]), None)
     return _without_names(table, free)
+
+
+def _is_step(column: RawColumn) -> bool:
+    return _STEPS.search(_UNIT.sub("", column.name)) is not None and clock.are_steps(np.asarray(column.values, float))
 
 
 def _without_names(table: RawTable, free: list[int]) -> int | None:
@@ -98,11 +109,20 @@ def _rises(values: Array | None) -> bool:
     return bool(np.mean(apart < 0) < 0.1 and np.mean(apart > 0) > seldom)
 
 
+def _numbers_readings(column: RawColumn) -> bool:
+    """Whether a column that is called time goes from 0 or 1 on by one, over fewer readings than make a recording where
+    they are milliseconds."""
+    values = np.asarray(column.values, float)
+    if clock.unit_of_name(column.name, column.unit) is not None or len(values) > FEWEST_MS:
+        return False
+    return bool(values[0] in (0, 1) and len(values) > 2 and (np.diff(values) == 1).all())
+
+
 def is_counter(column: RawColumn, named: bool) -> bool:
     """Whether a rising column counts readings and is no time."""
     if column.values is None or column.unit:
         return False
     if named and NAMES.search(column.name) and not _COUNTER.search(column.name):
-        return False
+        return _numbers_readings(column)
     apart = np.diff(np.asarray(column.values, float))
     return bool(len(apart)) and bool(np.mean(apart == 1) > 0.9)
