@@ -95,7 +95,7 @@ def _diagnosed(
     checked, table = _inspected(recipe, source.table())
     recipe = preflight.with_sheet(recipe, checked)
     input_checks.check_settles(recipe, table, utc_day(time.time_ns()))
-    return checked, diagnose(recipe, table, model, null_of)
+    return checked, diagnose(recipe, table, model, null_of, checked.faults)
 
 
 def _inspected(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.row_place import where_is
 from station.domain.core.types import SampleTable
 from station.domain.evaluation.unit_dwells import visit_boundaries
 from station.domain.recipe.recipe import Recipe
@@ -44,7 +45,7 @@ def _changing(table: SampleTable, name: str, begin: NDArray[np.int64], inside: I
     rows = np.flatnonzero(inside & (np.diff(table.labels[name].code) != 0))
     if len(rows):
         visits = len(np.unique(np.searchsorted(begin, rows, side="right")))
-        yield Message("label-changes", column=name, visits=visits, total=len(begin), **_place(table, int(rows[0])))
+        yield Message("label-changes", column=name, visits=visits, total=len(begin), **where_is(table, int(rows[0])))
 
 
 def _counter(recipe: Recipe, table: SampleTable, inside: Inside) -> Message | None:
@@ -75,13 +76,3 @@ def _counter(recipe: Recipe, table: SampleTable, inside: Inside) -> Message | No
     u = int(np.argmax(idle))
     share = float(ones[u] / steps[u])
     return Message("counter-counts-nothing", serial=table.unit.names[u], percent=100 * share)
-
-
-def _place(table: SampleTable, row: int) -> dict[str, str | int]:
-    """Where a row is."""
-    return {
-        "serial": table.unit.names[table.unit.code[row]],
-        "run": int(table.run[row]),
-        "visit": int(table.visit[row]),
-        "position": table.position.names[table.position.code[row]],
-    }

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from station.diagnosis.data.row_place import where_is
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.evaluation.unit_dwells import visit_boundaries
 from station.domain.recipe.recipe import Recipe
@@ -57,7 +58,9 @@ def _readings(table: SampleTable, off: Floats) -> Iterator[Message]:
     """What is said of readings that were so far off (n)."""
     if off.any():
         count, time_s = int(np.count_nonzero(off)), float(table.time_s[np.argmax(off)])
-        yield Message("reading-outliers", count=count, time_s=time_s, off=float(off.max()), **_place(table, off))
+        yield Message(
+            "reading-outliers", count=count, time_s=time_s, off=float(off.max()), **where_is(table, int(np.argmax(off)))
+        )
 
 
 def _stamps(table: SampleTable, time_s: Floats) -> Iterator[Message]:
@@ -65,7 +68,7 @@ def _stamps(table: SampleTable, time_s: Floats) -> Iterator[Message]:
     off = np.abs(table.time_s - time_s)
     if off.any():
         count, worst = int(np.count_nonzero(off)), float(table.time_s[np.argmax(off)])
-        yield Message("stamp-outliers", count=count, time_s=worst, **_place(table, off))
+        yield Message("stamp-outliers", count=count, time_s=worst, **where_is(table, int(np.argmax(off))))
 
 
 def _cells(table: SampleTable, values: dict[str, Floats]) -> Iterator[Message]:
@@ -81,15 +84,6 @@ def _cells(table: SampleTable, values: dict[str, Floats]) -> Iterator[Message]:
 def _filled(table: SampleTable, columns: str, other: Array) -> Message:
     """What is said of columns whose values are others now in some rows (n)."""
     rows = int(np.count_nonzero(other))
-    return Message("values-filled", column=columns, rows=rows, total=len(table), **_place(table, other))
-
-
-def _place(table: SampleTable, size: Array) -> dict[str, str | int]:
-    """Where the greatest of sizes (n) is."""
-    row = int(np.argmax(size))
-    return {
-        "serial": table.unit.names[table.unit.code[row]],
-        "run": int(table.run[row]),
-        "visit": int(table.visit[row]),
-        "position": table.position.names[table.position.code[row]],
-    }
+    return Message(
+        "values-filled", column=columns, rows=rows, total=len(table), **where_is(table, int(np.argmax(other)))
+    )

@@ -154,7 +154,7 @@ class _Seen:
 def _is_ordinary(recipe: Recipe, table: SampleTable, found: Preflight) -> bool:
     """Whether nothing of a portion but visits left out is to be remarked, and its visits stand as they came. Errors:
     SamplesError where no cause can be told from it."""
-    if found.remarks or found.sheet.full_scale is not None or table.gold is not None:
+    if found.remarks or found.faults or found.sheet.full_scale is not None or table.gold is not None:
         return False
     if not all(np.all(np.isfinite(values)) for values in table.values.values()):
         return False

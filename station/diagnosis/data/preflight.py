@@ -11,7 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.diagnosis.data import column_checks, corrupt_values, field_direction, preflight_checks, stays, visit_motion
+from station.diagnosis.data import (
+    column_checks,
+    corrupt_values,
+    field_direction,
+    preflight_checks,
+    stays,
+    visit_motion,
+    visit_places,
+)
+from station.diagnosis.data.faults.gross_fault import GrossFault
+from station.diagnosis.data.row_place import where_is
 from station.domain.capture.rest_segments import orientations
 from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import sort_table, visit_boundaries
@@ -55,7 +65,8 @@ class LeftOutVisit:
 class Preflight:
     """sheet: what the readings tell of the sensor; units, visits: how many; poses: orientations of one unit, at most;
     magnitude: least, median and greatest size of a visit's mean; temperature_degC: least and greatest, or None;
-    inferred: what no sheet states; left_out, remarks: for a person; simulated: units whose rows are marked so."""
+    inferred: what no sheet states; left_out, remarks: for a person; simulated: units whose rows are marked so;
+    faults: causes that the visits left out are."""
 
     sheet: InferredSheet
     units: int
@@ -67,6 +78,7 @@ class Preflight:
     left_out: tuple[LeftOutVisit, ...] = ()
     remarks: tuple[Message, ...] = field(default=())
     simulated: int = 0
+    faults: tuple[GrossFault, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """As JSON keeps it."""
@@ -105,6 +117,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
     unit = table.unit.code[begin]
     size = preflight_checks.stimulus_size(recipe, mean)
     gone, lost = _moving(recipe, table, found, size)
+    gone, lost, misplaced = _elsewhere(recipe, table, mean, gone, lost)
     preflight_checks.check_signal(recipe, found, size)
     out = np.logical_and.reduceat(gone, begin)
     if (gone & ~out[number]).any():
@@ -138,6 +151,7 @@ def inspect(recipe: Recipe, table: SampleTable) -> tuple[Preflight, SampleTable]
             *field_direction.field_remarks(recipe, table, begin[~out], mean[~out], unit[~out]),
         ),
         simulated=_simulated(table, begin),
+        faults=misplaced,
     )
     return result, table[~gone] if gone.any() else table
 
@@ -163,6 +177,26 @@ def _moving(
     # Of a visit that is gone whole one stretch tells why.
     once = {(one.of, one.reason if one.reason.id == PARTLY else None): one for one in reversed(lost)}
     return gone, tuple(once.values())[::-1]
+
+
+def _elsewhere(
+    recipe: Recipe, table: SampleTable, mean: Floats, gone: NDArray[np.bool_], lost: tuple[LeftOutVisit, ...]
+) -> tuple[NDArray[np.bool_], tuple[LeftOutVisit, ...], tuple[GrossFault, ...]]:
+    """The rows that are left out and why, with those of visits whose means (v, 3) are of another position, and the
+    fault that these are. Errors: SamplesError where no visit is left."""
+    begin, end = visit_boundaries(table)
+    found = visit_places.elsewhere(recipe, table, begin, mean)
+    if not found:
+        return gone, lost, ()
+    for visit in found:
+        row, last = int(begin[visit.visit]), int(end[visit.visit])
+        one = _lost(table, row, Message("visit-at-another-position", **where_is(table, row), other=visit.name))
+        gone[row:last] = True
+        # Called after the one before it, it was taken for one stay with that in two poses.
+        lost = (*(each for each in lost if each.of != one.of), one)
+    if gone.all():
+        raise SamplesError("no-visit-as-called", reason=lost[-1].reason)
+    return gone, lost, (visit_places.as_cause(recipe, table, mean, found),)
 
 
 def in_order(table: SampleTable) -> SampleTable:
@@ -216,9 +250,7 @@ def _left_out(
 ) -> LeftOutVisit:
     """Why stretch v, rows first to one past the last, is left out; whole: with all of its visit."""
     row, end = rows
-    name, position = table.unit.names[table.unit.code[row]], table.position.names[table.position.code[row]]
-    run, visit = int(table.run[row]), int(table.visit[row])
-    values: Mapping[str, Any] = {"serial": name, "run": run, "visit": visit, "position": position}
+    values: Mapping[str, Any] = where_is(table, row)
     moves = float(max(motion.range[v], motion.scatter[v]))
     if not whole:
         lasts_s = float(table.time_s[end - 1] - table.time_s[row])
@@ -227,7 +259,12 @@ def _left_out(
         reason = Message("visit-of-two-poses", **values, step=float(motion.step[v]))
     else:
         reason = Message("visit-moves", **values, range=moves)
-    return LeftOutVisit(name, run, visit, reason)
+    return _lost(table, row, reason)
+
+
+def _lost(table: SampleTable, row: int, reason: Message) -> LeftOutVisit:
+    """The visit of a row, left out."""
+    return LeftOutVisit(table.unit.names[table.unit.code[row]], int(table.run[row]), int(table.visit[row]), reason)
 
 
 def _poses(recipe: Recipe, mean: Floats, unit: NDArray[np.int32]) -> int:

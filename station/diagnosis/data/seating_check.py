@@ -3,10 +3,10 @@
 import numpy as np
 
 from station.diagnosis.data.faults.axis_decoding import mapping_by_pose
+from station.diagnosis.data.visit_places import seating_of_visits
 from station.domain.core import rotation
-from station.domain.core.types import Floats, Labels, SampleTable
+from station.domain.core.types import Floats, SampleTable
 from station.domain.evaluation.unit_dwells import visit_boundaries
-from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
 from station.errors import SamplesError
 from station.model.effects.axis_permutation import MATRICES
@@ -20,11 +20,8 @@ def check_seatings(recipe: Recipe, table: SampleTable) -> None:
     begin, end = visit_boundaries(table)
     mean = np.add.reduceat(table.reading, begin, axis=0) / (end - begin)[:, None]
     run, unit, position = table.run[begin], table.unit.code[begin], table.position.code[begin]
-    if not np.any(np.diff(run)) or not set(table.position.names) <= {p.name for p in recipe.positions}:
-        return
-    stated = table.labels.get("seating")
-    seating = plan.seating_of_passes(recipe, run) if stated is None else Labels(stated.names, stated.code[begin])
-    if not set(seating.names) <= {"home", *recipe.seatings}:
+    seating = seating_of_visits(recipe, table, begin)
+    if not np.any(np.diff(run)) or seating is None:
         return
     places, of = np.unique(np.stack([position, seating.code]), axis=1, return_inverse=True)
     true = np.stack(

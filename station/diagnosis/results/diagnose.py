@@ -92,8 +92,10 @@ class Diagnosis:
         return FAMILY_WISE_LEVEL
 
 
-def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFactory) -> Diagnosis:
-    """Diagnoses a table.
+def diagnose(
+    recipe: Recipe, table: SampleTable, model: Model, null_of: NullFactory, seen: tuple[GrossFault, ...] = ()
+) -> Diagnosis:
+    """Diagnoses a table; seen: faults of visits that were left out of it.
 
     Errors: SamplesError when a position or seating is not in the recipe, or when the table holds hardly anything.
     """
@@ -103,7 +105,7 @@ def diagnose(recipe: Recipe, table: SampleTable, model: Model, null_of: NullFact
     input_checks.check_unclipped(table, inspected.table)
     reduced = reduce_samples(recipe, inspected.table)
     whole = cut.as_it_came and len(inspected.table) == len(cut.table)
-    inspected = replace(inspected, as_measured=not inspected.faults and whole)
+    inspected = replace(inspected, faults=(*seen, *inspected.faults), as_measured=not inspected.faults and whole)
     gold = gold_directions(recipe, inspected.table)
     return diagnose_reduced(recipe, SampleSource.of(table), inspected, reduced, model, null_of, gold)
 
