@@ -2,7 +2,7 @@
 understood of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,7 +90,10 @@ def _visited(
     try:
         visited = [(one, samples.visits_of(one.recording, recipe, one_rest=one_rest)) for one in passes]
     except SamplesError as error:
-        raise error if _is_compass(passes) else _with_compass(error, files, job) from None
+        turned = None if _is_compass(passes) else _compass_beside(error, files, job)
+        if turned is None:
+            raise
+        return [turned]
     return list(visited if recipe is not None else six_faces.called_after_faces(visited))
 
 
@@ -98,13 +101,26 @@ def _is_compass(passes: Sequence[UnitRecording]) -> bool:
     return all(one.recording.unit == "uT" for one in passes)
 
 
-def _with_compass(error: SamplesError, files: Sequence[Path], job: ImportJob) -> SamplesError:
-    """What is wrong with the visits, and the compass of the same file that can be taken all the same."""
-    if job.recipe is None and job.options.columns is None and len(files) == 1:
-        for table in raw_tables(files[0], job.dbc):
-            if axes := compass_beside.turned_compass(unsigned.signed(table), job.options):
-                return SamplesError("compass-beside", reason=error.message, columns=",".join(axes))
-    return error
+def _compass_beside(error: SamplesError, files: Sequence[Path], job: ImportJob) -> tuple[UnitRecording, Visits] | None:
+    """The compass of the same file that was turned all round, where nobody asked for another sensor; with what is wrong
+    with the one that comes first."""
+    if job.recipe is not None or job.options.columns is not None or len(files) != 1:
+        return None
+    for table in raw_tables(files[0], job.dbc):
+        axes = compass_beside.turned_compass(unsigned.signed(table), job.options)
+        if not axes:
+            continue
+        note = Message("compass-beside", reason=error.message, columns=",".join(axes))
+        taken = replace(job, options=replace(job.options, columns=axes))
+        try:
+            (one,) = _passes(files[0], 0, taken, None)
+            visits = samples.visits_of(one.recording, None)
+        except SamplesError:
+            return None
+        if one.recording.unit != "uT" or visits.found_by != "readings":
+            return None
+        return replace(one, recording=replace(one.recording, remarks=(note, *one.recording.remarks))), visits
+    return None
 
 
 def _as_units(files: Sequence[Path], read: Sequence[list[UnitRecording]], job: ImportJob) -> list[UnitRecording]:

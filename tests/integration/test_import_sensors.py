@@ -217,7 +217,7 @@ def test_numbers_of_no_unit_are_not_called_counts(rng: np.random.Generator, tmp_
     assert "unknown; 19." in capsys.readouterr().out
 
 
-def test_a_compass_beside_an_accelerometer_that_never_rested_is_pointed_to(
+def test_a_compass_beside_an_accelerometer_that_never_rested_is_taken(
     rng: np.random.Generator, tmp_path: Path, capsys: Capture
 ) -> None:
     """The log of a compass's calibration: turned all round by hand, with all sensors written down."""
@@ -227,9 +227,23 @@ def test_a_compass_beside_an_accelerometer_that_never_rested_is_pointed_to(
     rows = np.c_[9.81 * shaken, 90 * rng.standard_normal(turned.shape), field]
     path = tmp_path / "log.csv"
     np.savetxt(path, rows, "%.4f", ",", header="ax,ay,az,gx,gy,gz,mx,my,mz", comments="")
-    assert station("import", path) == 2
-    assert "--columns mx,my,mz takes them" in capsys.readouterr().err
-    assert understood(capsys, str(path), "--columns", "mx,my,mz")["reading_unit"] == "uT"
+    shown = understood(capsys, str(path))
+    check(shown, axes=["mx", "my", "mz"], reading_unit="uT")
+    (remark,) = (r for r in shown["remarks"] if r["id"] == "compass-beside")
+    assert remark["reason"]["id"] == "gravity-not-shown"
+    assert station("import", path, "--recipe", "hand-held") == 2
+    assert station("import", path, "--columns", "ax,ay,az") == 2
+
+
+def test_counts_of_gravity_beside_named_turn_rates_are_the_accelerometers(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    """X, Y, Z say nothing, and WX, WY, WZ are turn rates."""
+    y = tumble(rng)
+    rows = np.round(np.c_[16384 * y, 300 + 9 * rng.standard_normal(y.shape)])
+    path = tmp_path / "six.csv"
+    np.savetxt(path, rows, "%d", ",", header="X,Y,Z,WX,WY,WZ", comments="")
+    check(understood(capsys, str(path)), axes=["X", "Y", "Z"], scale=1 / 16384, poses=8)
 
 
 def test_stamps_without_a_name_are_time_where_a_travel_time_falls(

@@ -39,6 +39,8 @@ MOST_HEADER = 4
 LONGEST_QUOTED = 100_000
 #: Stamps of the present day, s.
 SINCE_1970_S = (5e8, 5e9)
+#: A text is of one column where this share of its lines is one number.
+MOSTLY = 0.9
 #: Rows end with a delimiter when this share does.
 CLOSED = 0.95
 DELIMITERS = (";", "\t", ",", "|", " ")
@@ -64,6 +66,8 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     content = [(i, line) for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     scored = [(*score(content, delimiter), delimiter) for delimiter in DELIMITERS]
     best, columns, delimiter = max(scored, key=lambda s: (round(s[0], 2), s[1]))
+    if best < 0.3 and (name := _only_column(content)) is not None:
+        raise SamplesError("no-three-axes", file=file, columns=name)
     if best < 0.3:
         raise SamplesError("no-table-of-numbers", file=file)
     closed = _closed(content, delimiter)
@@ -80,6 +84,14 @@ def recognise(file: str, lines: list[str]) -> Dialect:
     head = [line[:LONGEST_REMARK] for line in lines[:first]]
     stated = [m for line in head if (m := _RATE.search(line) or _RATE_KEY.match(line))]
     return Dialect(delimiter, decimal, first, names, units, columns, float(stated[0][1]) if stated else None, closed)
+
+
+def _only_column(content: list[tuple[int, str]]) -> str | None:
+    """The name of the column where each line is one number; None where it is not so."""
+    if not content or sum(is_number(line.strip()) for line in _tail(content)) < MOSTLY * len(_tail(content)):
+        return None
+    first = content[0][1].strip()
+    return "column 0" if is_number(first) else first[:LONGEST_REMARK]
 
 
 def _decimal(numbers: list[str], delimiter: str) -> str:

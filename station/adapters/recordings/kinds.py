@@ -11,7 +11,8 @@ OFTEN, MOST_KINDS, LEAST_ROWS, LAST_PLACE = 0.1, 100, 20, 3
 _WORD = re.compile(r"^[A-Za-z_]\w*$")
 #: `Acceleration X: 0.1, Y: 0.2, Z: 9.8 m/s^2`, perhaps behind the time at which a terminal received it.
 _SPOKEN = re.compile(
-    r"^(?:(?P<time>[\d:.,]+)\s*->\s*)?(?P<kind>[A-Za-z_][\w ]{0,40}?)\W*\b[xX]\s*[:=]\s*(?P<x>[-+.\deE]+)[,;\s]+"
+    r"^(?:(?P<time>[\d:.,]+)\s*->\s*)?(?P<kind>[A-Za-z_][\w ]{0,40}?)(?:\s*[\[(](?P<before>[^\[\]()]{1,16})[\])])?\W*"
+    r"\b[xX]\s*[:=]\s*(?P<x>[-+.\deE]+)[,;\s]+"
     r"[yY]\s*[:=]\s*(?P<y>[-+.\deE]+)[,;\s]+[zZ]\s*[:=]\s*(?P<z>[-+.\deE]+)\s*(?P<unit>\S{0,12})\s*$"
 )
 #: A line of an ArduPilot log that names the columns of a kind: FMT, type, length, name, format, columns.
@@ -45,11 +46,11 @@ def _spoken(lines: list[str]) -> list[list[str]]:
     for line in lines:
         if (found := _SPOKEN.match(line)) is None:
             continue
-        kind, stamp = found["kind"].strip(), found["time"]
-        header = ([] if stamp is None else ["time"]) + [f"{kind} {a} [{found['unit']}]" for a in "xyz"]
+        kind, stamp, unit = found["kind"].strip(), found["time"], found["before"] or found["unit"]
+        header = ([] if stamp is None else ["time"]) + [f"{kind} {a} [{unit}]" for a in "xyz"]
         rows = tables.setdefault(kind, [";".join(header)])
         rows.append(";".join(([] if stamp is None else [stamp]) + [found[a] for a in "xyz"]))
-    return list(tables.values())
+    return [rows for rows in tables.values() if len(rows) >= LEAST_ROWS]
 
 
 def _place_of_kinds(rows: list[list[str]]) -> int | None:

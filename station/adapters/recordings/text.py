@@ -5,7 +5,18 @@ import re
 from pathlib import Path
 from typing import Any
 
-from station.adapters.recordings import arrow, cells, dialect, echoed, json_rows, kinds, stamps, transposed, wrapped
+from station.adapters.recordings import (
+    arrow,
+    cells,
+    dialect,
+    echoed,
+    json_rows,
+    kinds,
+    stamps,
+    transposed,
+    uneven,
+    wrapped,
+)
 from station.adapters.recordings.dialect import Dialect
 from station.adapters.recordings.limits import MOST_LINE, check_shape
 from station.domain.recognition.raw_table import RawColumn, RawTable
@@ -53,7 +64,11 @@ def _table(file: str, lines: list[str], nuls: int) -> RawTable:
     check_shape(file, len(lines) - found.first, found.columns)
     names = found.names or tuple(f"column {i}" for i in range(found.columns))
     places = [i for i in range(found.first, len(lines)) if lines[i].strip() and not dialect.is_comment(lines[i])]
-    table, ragged = _parsed(file, [lines[i] for i in places], found, places)
+    rows = [lines[i] for i in places]
+    if (even := uneven.filled(rows, found)) is not None:
+        rows, found = even
+        names = found.names or tuple(f"column {i}" for i in range(found.columns))
+    table, ragged = _parsed(file, rows, found, places)
     columns = tuple(
         _column(name, unit, table.column(i).combine_chunks(), found)
         for i, (name, unit) in enumerate(zip(names, found.units, strict=True))

@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from itertools import pairwise
 
-from station.adapters.recordings import dialect, stamps
+from station.adapters.recordings import dialect, record_lines, stamps
 from station.domain.recognition import axis_names
 
 #: A time of day, perhaps behind a date; and a number that is no part of a word, unless its unit follows.
@@ -22,6 +22,8 @@ _GROUPED = re.compile(
     r"([A-Za-z_]\w*)(?:\s?[\[(][^\[\]()]{0,12}[\])])?\s*:\s*x\s*[=:]\s*#[\w\s,;]*?\by\s*[=:]\s*#[\w\s,;]*?\bz\s*[=:]\s*#",
     re.IGNORECASE,
 )
+#: `Acceleration: #, #, #`, and no fourth.
+_LISTED = re.compile(r"((?:[A-Za-z_]\w* )?[A-Za-z_]\w*)\s*[:=]\s*#,?\s+#,?\s+#(?!,?\s*#)")
 #: Of the lines at least this share have the pattern, which is looked for in so many.
 MOSTLY, LEAST_ROWS = 0.6, 20
 #: Of lines that take turns at least this share has the pattern whose numbers are named x, y and z; of so many patterns.
@@ -39,6 +41,9 @@ def unwrapped_lines(lines: list[str]) -> list[str] | None:
         return None
     if sum(_CHECKSUM.search(line) is not None for line in middle) > MOSTLY * len(middle):
         return unwrapped_lines([_plain(line) for line in lines]) or [_plain(line) for line in lines]
+    whole = record_lines.whole_records(lines, _pattern, _CLOCK)
+    if whole is not None and (unwrapped := unwrapped_lines(whole)) is not None:
+        return unwrapped
     pattern = _pattern_of_rows(middle) if _is_wrapped(middle) else _pattern_of_axes(middle)
     if pattern is None:
         return None
@@ -102,13 +107,15 @@ def _pattern(line: str) -> str:
 
 
 def _names(pattern: str) -> list[str]:
-    """The names of all values of a pattern; none where not each has its own. Of three in brackets behind one name they
-    are its axes."""
-    for three in (_BRACKETED, _GROUPED):
+    """The names of all values of a pattern; none where not each has its own, unless three of them are axes. Of three
+    behind one name they are its axes."""
+    for three in (_BRACKETED, _GROUPED, _LISTED):
         pattern = three.sub(lambda m: " ".join(f"{m[1].replace(' ', '_')}_{axis}=#" for axis in "xyz"), pattern)
     parts = re.split(f"([{_NUMBER}{_CLOCK}])", pattern)
     names = []
     for before, value in zip(parts[::2], parts[1::2], strict=False):
         found = _NAME.search(before)
         names.append("time" if value == _CLOCK else found[1] if found else "")
-    return names if all(names) and len(set(names)) == len(names) else []
+    own = [name for name in names if name]
+    whole = len(own) == len(names) or axis_names.are_lettered(own)
+    return names if whole and len(set(own)) == len(own) else []

@@ -63,12 +63,12 @@ def _complete(table: RawTable, places: tuple[int | None, ...]) -> tuple[Rows, tu
 
 
 def _of_others(table: RawTable, places: tuple[int | None, ...]) -> int:
-    """Rows of other sensors in one log: they have a stamp and not one axis."""
+    """Rows of other sensors in one log: they have a stamp or, without a clock, numbers of others, and not one axis."""
     *axes, time = places
-    if time is None:
-        return 0
     none = np.all([~np.isfinite(table.numbers(i)) for i in axes if i is not None], axis=0)
-    return int(np.count_nonzero(none & np.isfinite(table.numbers(time))))
+    beside = [time] if time is not None else [i for i in table.numeric() if i not in axes]
+    there = np.any([np.isfinite(table.numbers(i)) for i in beside], axis=0) if beside else np.zeros(len(none), bool)
+    return int(np.count_nonzero(none & there))
 
 
 def _filled(source: str, raw: Floats, keep: Rows, quantity: Quantity) -> tuple[Rows, tuple[Message, ...]]:

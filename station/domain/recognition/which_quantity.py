@@ -41,7 +41,7 @@ def unit_of(table: RawTable, options: ImportOptions) -> str:
     if called:
         # Names of given columns are of these very readings, which others beside a named compass are not.
         beside = options.columns is None and "g" not in called and "g" in found
-        gravity = beside and _like_gravity(table, found["g"])
+        gravity = beside and _like_gravity(table, found["g"], counts=True)
         return "g" if gravity else called[0]
     best = min(found, key=lambda unit: found[unit].rank)
     named = [u for u, word in _WORDS.items() if u in found and _in_name(table.source, word)]
@@ -104,13 +104,17 @@ def _is_hard_iron(centre: Floats, size: float) -> bool:
     return float(np.linalg.norm(centre)) > MOST_OFFSET * size and not is_converter_middle(centre, size)
 
 
-def _like_gravity(table: RawTable, roles: Roles) -> bool:
-    """Whether readings go round near zero in a magnitude that is one g in a known unit."""
-    means = _means(_reading(table, roles.axes))
+def _like_gravity(table: RawTable, roles: Roles, *, counts: bool = False) -> bool:
+    """Whether readings go round near zero in a magnitude that is one g in a known unit; counts: or in a power of two of
+    them, too."""
+    reading = _reading(table, roles.axes)
+    means = _means(reading)
     centre, radius = sphere(means)
     near = float(np.linalg.norm(centre)) <= MOST_OFFSET * radius
     turns = float(np.linalg.norm(means.std(axis=0))) > columns.LEAST_TURN * radius
-    return near and turns and from_magnitude(means, QUANTITIES["g"], whole=False).unit != "LSB"
+    whole = counts and bool(np.all(reading[:1000] % 1 == 0))
+    found = from_magnitude(means, QUANTITIES["g"], whole=whole)
+    return near and turns and (found.unit != "LSB" or (whole and found.exact))
 
 
 def _near_gravity(reading: Floats) -> bool:
