@@ -31,6 +31,9 @@ from station.domain.core.types import Floats
 
 #: Amplitudes and forms less likely than this are left out of an interval.
 NEGLIGIBLE = 1e-3
+#: Directions in which a cause shows, from which on any usual size is as likely beforehand. By fewer, so wide a prior
+#: makes sizes that only the usual size bounds much too uncertain.
+DIRECTIONS_FOR_EVEN_PRIOR = 6
 #: Probability below the upper end of a 95 % interval.
 COVERED = 0.975
 
@@ -162,12 +165,19 @@ def students_share(dof: int) -> float:
 
 
 def _usual_sizes(bare: ScoringProblem, item: AcceptedCause, fitted: FittedFloor) -> AmplitudeLikelihood:
-    """The deviations that a cause's coefficients may have, and how likely each is."""
+    """The deviations that a cause's coefficients may have, and how likely each is.
+
+    The grid of deviations is even in their logarithm, which beforehand makes it likely that there is hardly anything,
+    and intervals of what is weak too short. A prior that is even in the deviation does not; it needs several numbers
+    (Gelman, Prior distributions for variance parameters in hierarchical models, Bayesian Analysis 1 (2006) 515).
+    """
     candidate, even = item.candidate, item.candidate.even
     own = score_bank(bare, [build_bank([even], bare.view.layout, moving=even.moving)], fitted.floor)
     found = own.amplitudes(even, bare.view, item.hit)
     usual = np.array(candidate.axis_scale) if candidate.axis_scale else 1.0
-    return found._replace(spread=np.minimum(found.spread, max(candidate.usual_most, float((item.std / usual).min()))))
+    spread = np.minimum(found.spread, max(candidate.usual_most, float((item.std / usual).min())))
+    even_prior = np.log(spread) if found.directions >= DIRECTIONS_FOR_EVEN_PRIOR else 0.0
+    return found._replace(spread=spread, likelihood=found.likelihood + even_prior)
 
 
 def _second_moment(

@@ -158,10 +158,12 @@ class Scores(NamedTuple):
 
 
 class AmplitudeLikelihood(NamedTuple):
-    """Standard deviations (ρ) that a candidate's coefficients may have, and the log-likelihood (ρ) of each."""
+    """Standard deviations (ρ) that a candidate's coefficients may have, the log-likelihood (ρ) of each, and in how many
+    directions of the readings they show."""
 
     spread: Floats
     likelihood: Floats
+    directions: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,17 +207,18 @@ class ScoredBank:
     def amplitudes(self, candidate: Candidate, view: ResidualView, hit: NDArray[np.bool_]) -> AmplitudeLikelihood:
         """How likely each amplitude of a candidate is in the groups that it hits."""
         projected, found = self._of(candidate)
-        likelihood, taken = projected.likelihood(found), found.spectrum.logdet
+        likelihood, taken, seen = projected.likelihood(found), found.spectrum.logdet, found.spectrum.m
         if found.spectrum.pattern == "scan":
             unit, place = candidate.where(view.layout)
             likelihood, taken = (x[unit[hit], place[hit]].sum(0) for x in (likelihood, taken))
+            seen = seen[unit[hit], place[hit]]
         dof = projected.readings.size.dof
         # The scale of the floor that goes with an amplitude: L = −½ n·log(scale · n / rest) − ½ log|1 + ρ m|.
         scale = float(projected.readings.rest[0]) / dof * np.exp(-2 * (likelihood + 0.5 * taken) / dof)
         mean = float(found.spectrum.mean)
         # Of what the readings do not show every amplitude is as likely.
         spread = np.sqrt(found.spectrum.ratios / mean * scale) if mean > 0 else np.full(len(likelihood), np.inf)
-        return AmplitudeLikelihood(np.minimum(spread, candidate.most), likelihood)
+        return AmplitudeLikelihood(np.minimum(spread, candidate.most), likelihood, int(np.count_nonzero(seen)))
 
     def shows(self, candidate: Candidate) -> bool:
         """Whether anything of a candidate is left beside all that is known."""
