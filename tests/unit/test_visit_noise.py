@@ -9,11 +9,13 @@ from station.domain.core.types import Floats
 STOPS = 120
 
 
-def excess(reading: Floats) -> Floats:
-    """Of readings (v, n, 3)."""
+def excess(reading: Floats, units: int = 1) -> Floats:
+    """Of readings (v, n, 3) of so many units."""
     visit = np.repeat(np.arange(len(reading)), reading.shape[1])
     flat = reading.reshape(-1, 3)
-    return visit_differences(flat, visit, sample_noise(flat, visit)).excess_variance()
+    return visit_differences(flat, visit, sample_noise(flat, visit)).excess_variance(
+        np.arange(len(reading)) * units // len(reading)
+    )
 
 
 @pytest.mark.parametrize("samples", [10, 50, 400])
@@ -30,6 +32,20 @@ def test_stops_of_one_noise_have_no_excess(kind: str, samples: int, rng: np.rand
         "axes": white * [1.0, 5.0, 0.2],
     }
     assert np.all(excess(readings[kind]) == 1.0)
+    assert np.all(excess(readings[kind], 5) == 1.0)
+
+
+@pytest.mark.parametrize("units", [2, 5])
+@pytest.mark.parametrize("times", [3.0, 10.0, 30.0])
+def test_a_noisy_unit_has_its_noise_and_the_others_theirs(times: float, units: int, rng: np.random.Generator) -> None:
+    reading = rng.standard_normal((STOPS, 25, 3))
+    noisy = np.arange(STOPS) * units // STOPS == 0
+    reading[noisy] *= times
+    sigma = sample_noise(reading.reshape(-1, 3), np.repeat(np.arange(STOPS), 25))
+    noise = sigma * np.sqrt(excess(reading, units))
+    # The middle of 24 logarithms, each known to √(4/24): 5 % of a noise by chance.
+    assert noise[noisy] == pytest.approx(times, rel=0.2)
+    assert noise[~noisy] == pytest.approx(1.0, rel=0.2)
 
 
 def test_a_noisier_stop_stands_out_by_itself_and_a_quieter_one_does_not(rng: np.random.Generator) -> None:

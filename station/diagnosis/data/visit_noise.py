@@ -5,9 +5,11 @@ Noise is taken from differences of neighbours, which slow motion does not reach.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from station.domain.core.medians import medians
 from station.domain.core.types import Floats
@@ -27,6 +29,8 @@ COARSE = 1.5
 SHARE_BITS, LEAST_SIZE, SIZES = 42, (1023 - 96) << 10, 128 << 10
 #: Axes share noise from this correlation and so many standard errors on; the least share of it that is an axis' own.
 LEAST_SHARED, SHARED_BY, LEAST_OWN = 0.1, 5.0, 0.05
+#: The logarithm of a noise's square is sought between this and its negative, halving so often.
+MOST_LOG, HALVINGS = 30.0, 40
 #: Fewer differences of a visit show no noise of its own.
 LEAST_DIFFERENCES = 8
 
@@ -145,12 +149,13 @@ class VisitDifferences:
         # Of three that share nearly everything nothing is left of one.
         return found if np.linalg.eigvalsh(found)[0] > LEAST_OWN else np.eye(3)
 
-    def excess_variance(self) -> Floats:
-        """Noise's square of each visit and axis (v, 3) beside that of all visits; 1 where chance explains it.
+    def excess_variance(self, unit: NDArray[Any]) -> Floats:
+        """Noise's square of each visit and axis (v, 3) beside that of a sample; 1 where chance explains it. unit (v):
+        whose the visits are.
 
-        Where the visits differ altogether, each is drawn to 1 as far as chance makes it differ (James and Stein); one
-        that stands out by itself counts in full. What is quieter by itself keeps the common noise: what stands still
-        for another reason shall not outweigh the rest.
+        Where the units differ altogether, or the visits of each, they are drawn to the middle of all, and of the unit,
+        as far as chance makes them differ (James and Stein); a visit that stands out by itself counts in full. What is
+        quieter by itself keeps the common noise: what stands still for another reason shall not outweigh the rest.
         """
         if not self.known or not self.count.any():
             return np.ones(self.square.shape)
@@ -159,33 +164,63 @@ class VisitDifferences:
         logs = np.where(there, logs - _middle(logs, there), 0.0)
         logs = np.where(self.least > COARSE, 0.0, logs)
         error = np.sqrt(MEAN_LOG_VARIANCE / np.maximum(self.count, 1))[:, None]
-        score = np.where(self.count[:, None] >= LEAST_DIFFERENCES, logs / error, 0.0)
-        squares, size = float(np.sum(np.clip(score, -NOISIER_BY, NOISIER_BY) ** 2)), max(score.size, 1)
-        shared = 1 - size / squares if squares > size + DIFFERENT_BY * np.sqrt(2 * size) else 0.0
-        found = shared * np.where(score == 0.0, 0.0, logs)
-        # Cut off at FURTHEST, the mean of squares of a much noisier visit says too little.
-        plain = 2 * np.log(np.maximum(self.middle / MAD_PER_SIGMA / np.sqrt(2), 1.0))
-        found = np.where(score > NOISIER_BY, np.maximum(logs, plain), found)
+        told = there & (self.count[:, None] >= LEAST_DIFFERENCES)
+        level = _of_units(logs, unit, told, error)
+        rest = np.where(told, logs - level, 0.0)
+        shared = _share_of_all(np.clip(rest / error, -NOISIER_BY, NOISIER_BY))
+        found = level + shared * rest
+        found = np.where(rest / error > NOISIER_BY, logs, found)
+        if shared > 0 or level.any():
+            found = found + _by_the_median(found, self.count)
         return np.asarray(np.exp(np.maximum(found, -MAX_LOG_VARIANCE)))
+
+
+def _of_units(logs: Floats, unit: NDArray[Any], told: NDArray[np.bool_], error: Floats) -> Floats:
+    """The middle of each unit's logarithms (v, 3), where the units differ altogether; each (v, 1) has a standard
+    error."""
+    level, number = np.zeros_like(logs), np.unique(unit, return_inverse=True)[1]
+    units = int(number.max(initial=-1)) + 1
+    middle, score = np.zeros((2, units, 3))
+    for u in range(units):
+        own = number == u
+        middle[u] = _middle(logs[own], told[own])
+        each = error[own][told[own].any(axis=1)]
+        # A median of so many is known as well as a mean of two thirds of them.
+        score[u] = middle[u] / np.sqrt(np.mean(each**2) * 1.5 / len(each)) if len(each) else 0.0
+    level = (_share_of_all(score) * middle)[number] if units > 1 else level
+    return np.where(told, level, 0.0)
+
+
+def _share_of_all(score: Floats) -> float:
+    """The share of logarithms in standard errors (…) that stays, where they spread altogether by more than chance."""
+    squares, size = float(np.sum(score**2)), max(score.size, 1)
+    return 1 - size / squares if squares > size + DIFFERENT_BY * np.sqrt(2 * size) else 0.0
 
 
 def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -> VisitDifferences:
     """Of readings (n, 3) of visits (n) whose samples have the noise sigma (3).
 
-    Means of squares, since a median of coarse readings jumps from code to code; outliers count as FURTHEST.
+    Means of squares, since a median of coarse readings jumps from code to code; outliers count as FURTHEST
+    noises of a sample, or of a noisier visit.
     """
     visits = int(visit.max()) + 1 if len(visit) else 0
     near, of = _differences(reading, visit)
     known = not bool(np.any(sigma <= 0))
     signed = near / np.where(sigma > 0, sigma, 1.0)
     count = np.bincount(of, minlength=visits)
-    bounded, ratio = np.clip(signed / np.sqrt(2), -FURTHEST, FURTHEST), np.abs(signed)
+    ratio = np.abs(signed)
+    middle = _medians(ratio, of, count)
+    # Of a much noisier visit nearly all would be cut off at the bound of the others.
+    noise = middle / MAD_PER_SIGMA / np.sqrt(2)
+    noisier = noise > 1 + NOISIER_BY / 2 * np.sqrt(MEDIAN_LOG_VARIANCE / np.maximum(count, 1))[:, None]
+    furthest = FURTHEST * np.where(noisier, noise, 1.0)[of]
+    bounded = np.clip(signed / np.sqrt(2), -furthest, furthest)
     square, product = (
         np.stack([np.bincount(of, column, visits) for column in x.T], axis=1) / np.maximum(count, 1)[:, None]
         for x in (bounded**2, bounded * np.roll(bounded, -1, axis=1))
     )
     least = np.min(ratio, axis=0, initial=np.inf, where=ratio > 0)
-    return VisitDifferences(count, square, _medians(ratio, of, count), product, least, known)
+    return VisitDifferences(count, square, middle, product, least, known)
 
 
 def _medians(values: Floats, of: NDArray[np.intp], count: NDArray[np.intp]) -> Floats:
@@ -205,6 +240,19 @@ def _differences(reading: Floats, visit: NDArray[np.intp]) -> tuple[Floats, NDAr
     """Steps (n, 3) from neighbour to neighbour in a visit, and the visit of each."""
     within = visit[1:] == visit[:-1]
     return np.diff(reading, axis=0)[within], visit[1:][within]
+
+
+def _by_the_median(logs: Floats, count: NDArray[np.intp]) -> Floats:
+    """By how much (3) the logarithms (v, 3) of the noise's square of visits of so many differences (v) are to be raised
+    so that half of all differences are below the median of the noise of a sample, which is how that was found. Of two
+    units, one far noisier, the middle visit is neither's."""
+    low, high = np.full(3, -MOST_LOG), np.full(3, MOST_LOG)
+    share = count / count.sum()
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        below = share @ special.erf(MAD_PER_SIGMA / np.sqrt(2) * np.exp(-(logs + middle) / 2))
+        low, high = np.where(below > 0.5, middle, low), np.where(below > 0.5, high, middle)
+    return np.asarray((low + high) / 2)
 
 
 def _middle(logs: Floats, there: NDArray[np.bool_]) -> Floats:
