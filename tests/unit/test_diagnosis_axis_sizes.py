@@ -16,8 +16,8 @@ from station.diagnosis.search.problem import FloorAllowance, initial_problem, sh
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.model.model_file import Model
-from tests.blind.bench import hide
-from tests.blind.recipes import six_faces
+from tests.blind.bench import WHITE, hide
+from tests.blind.recipes import recipe, six_faces
 from tests.unit.test_diagnosis_floor import drawn, offsets, structure
 
 UPPER = np.array([np.inf, 0.0, 1.0])
@@ -89,6 +89,28 @@ def test_an_axis_that_scatters_further_than_the_others_alarms_nobody() -> None:
     noise = np.array(first.problem.structure.sizes[:3])
     assert noise[2] > 4 * noise[:2].max()
     assert not first.alarms
+
+
+def test_what_swings_on_one_axis_alone_is_no_scatter_of_that_axis() -> None:
+    """One axis swings and comes to rest again: it goes as far as a floor of which each axis has its own sizes, but
+    follows the time."""
+    tilts = recipe(1)
+    made, _ = hide(tilts, None, 4, units=1, floor=WHITE)
+    share = made.time_s / made.time_s.max()
+    swings = 5e-4 * np.sin(2 * np.pi * 2.3 * share + 1.0) * np.exp(-0.5 * ((share - 0.5) / 0.2) ** 2)
+    reading = made.reading + swings[:, None] * np.eye(3)[0]
+    problem = initial_problem(reduce_samples(tilts, replace(made, reading=reading)), FloorAllowance.of(tilts, Model()))
+    found = search_in_floor(problem, usual_tails).first
+    assert found.alarms
+    assert max(found.evidence, key=lambda name: found.evidence[name]) == "time"
+
+
+def usual_tails(_: ScoringProblem, __: FittedFloor, around: WalkMarginal) -> NullDistribution:
+    """As if each log evidence fell off beyond nothing as one does."""
+    names = {c.name for c in around.candidates}
+    return NullDistribution(
+        {n: np.linspace(-2.0, 0.0, 33) for n in names}, dict.fromkeys(names, 0.0), dict.fromkeys(names, 1.0), 4.0
+    )
 
 
 def null_of(problem: ScoringProblem, fitted: FittedFloor, now: WalkMarginal) -> NullDistribution:

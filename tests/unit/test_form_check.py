@@ -36,6 +36,8 @@ from station.diagnosis.search.rank import with_free_variance
 from station.diagnosis.search.scoring import ScoringProblem, score_bank
 from station.diagnosis.search.walk_marginal import WalkMarginal
 from station.domain.core.types import Array
+from station.model.effects.bias_drift import BiasDrift
+from station.model.effects.cubic import Cubic
 from station.model.model_file import Model
 from tests.blind.bench import WHITE, Hidden, World, hide
 from tests.blind.hidden import KNOWN
@@ -71,6 +73,22 @@ def test_beside_a_stronger_cause_that_is_unlikely_a_weaker_one_is_not_certain() 
 def test_no_cause_is_surer_than_a_stronger_one_beside_it() -> None:
     found = [found_at(12.0, 0.65), found_at(8.0, 0.999), found_at(5.0, 0.6)]
     assert [f.set_probability for f in as_certain_together(found, 0.0, 4.0)] == pytest.approx([0.65, 0.65, 0.6])
+
+
+def test_a_cause_is_not_certain_beside_something_unknown_that_follows_what_it_does() -> None:
+    """It may be the nearest part of one law of both; what follows something else says nothing about it, but that a
+    scatter may hold a part of it."""
+    rest = CauseFinding("time", None, NoiseFloor(1e-4, 0.0, 0.0), {}, {}, (), 0.0, 9.0, words=("time", "input"))
+    cubic, drift = (
+        replace(found_at(12.0, 0.99), accepted=replace(a, candidate=replace(a.candidate, effect=effect)))
+        for effect in (Cubic.example(), BiasDrift.example())
+        if (a := found_at(12.0, 0.99).accepted) is not None
+    )
+    scatter = replace(rest, name="repeatability", words=(), probability={"repeatability": 1.0})
+    shares = [as_certain_together([one, rest], 9.0, 4.0)[0].set_probability for one in (cubic, drift, scatter)]
+    assert all(share == pytest.approx(1 / (1 + math.exp(-PRIOR_NATS))) for share in shares)
+    apart = replace(rest, words=("time",))
+    assert as_certain_together([cubic, apart], 9.0, 4.0)[0].set_probability == pytest.approx(0.99)
 
 
 def test_a_rest_that_chance_hardly_leaves_makes_a_name_less_certain() -> None:

@@ -31,6 +31,10 @@ FADES = (0.08, 0.25)
 MAX_LEVELS = 24
 #: Shares of the stimulus below which a reading is dead, or beyond which it rises no more.
 KNEES = (0.2, 0.35, 0.5, 0.7)
+#: The same of steps from the visit before, up to twice the stimulus.
+STEP_KNEES = (0.25, 0.5, 0.75, 1.0, 1.25)
+#: How much steeper an exponential of the input is at its one end than a straight line, in both directions.
+STEEP = (1.5, 3.0, 5.0)
 #: Half waves from no input to the whole, in steps that none falls between.
 HALF_WAVES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
 #: A step from the visit before that is taken up by play, as a share of the stimulus.
@@ -148,9 +152,7 @@ def _memories(view: ResidualView) -> Iterator[Law]:
     what follows whether or how fast the temperature changes, other than in proportion."""
     rate = view.scene.temperature_rate
     if rate is not None and np.ptp(rate) > 0:
-        yield from (
-            ("temperature", (on_every_axis(centred_values(form)),)) for form in (np.sign(rate), np.abs(rate), rate**2)
-        )
+        yield from (("temperature", (on_every_axis(centred_values(form)),)) for form in _forms_of_rate(rate))
         yield from _by_branch(view, rate)
     memory = TemperatureMemory.of(view.scene)
     if memory is None:
@@ -163,6 +165,11 @@ def _memories(view: ResidualView) -> Iterator[Law]:
     for lag in LAGS:
         behind = memory.temperature_degC - memory.lagged(lag)
         yield "temperature", (plain, on_every_axis(behind / memory.range_degC))
+
+
+def _forms_of_rate(rate: Floats) -> tuple[Floats, ...]:
+    """What follows whether or how fast the temperature changes, or that in one direction alone."""
+    return np.sign(rate), np.abs(rate), rate**2, np.maximum(rate, 0.0), np.minimum(rate, 0.0)
 
 
 def _by_branch(view: ResidualView, rate: Floats) -> Iterator[Law]:
@@ -281,6 +288,7 @@ def _forms_of_input(a: Floats) -> Iterator[Law]:
         yield from (("input", (np.maximum(sign * a - knee, 0.0),)) for sign in (1, -1))
     yield from (("input", (np.sin(m * np.pi * a),)) for m in HALF_WAVES)
     yield from (("input", (np.cos(m * np.pi * a),)) for m in HALF_WAVES)
+    yield from (("input", (np.exp(sign * k * a - k),)) for k in STEEP for sign in (1, -1))
     yield from (("input", (form,)) for form in (np.tanh(4 * a), a**5, a * size))
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     yield from (("input", (form(one), form(two))) for form in (np.abs, np.square))
@@ -320,11 +328,14 @@ def _forms_of_step(a: Floats, step: Floats) -> Iterator[Law]:
     yield from (
         ("order", (form,)) for form in (way, way * np.minimum(size, PLAY), way * np.sqrt(size), step * size, size)
     )
-    yield "order", (np.roll(step, 1, axis=1), np.roll(step, 2, axis=1))
+    yield from (("order", (np.roll(form, 1, axis=1), np.roll(form, 2, axis=1))) for form in (step, size))
     before = a + step
     yield from (("order", (form,)) for form in (before**2, np.abs(before)))
     yield "order", (np.roll(before, 1, axis=1), np.roll(before, 2, axis=1))
     yield from (("order*input", (form * a,)) for form in (before, way))
     yield "order*input", (np.roll(before, 1, axis=1) * a, np.roll(before, 2, axis=1) * a)
+    for knee in STEP_KNEES:
+        beyond = np.maximum(size - knee, 0.0)
+        yield from (("order", (form,)) for form in (way * (size > knee), way * beyond, beyond))
     move = on_every_axis(np.linalg.norm(step, axis=1))
     yield from (("order", (form,)) for form in (move, step * move, way * move))

@@ -64,6 +64,7 @@ def functions_of_turns(view: ResidualView) -> Iterator[Floats]:
     turn = turns_of(view)
     angle = np.linalg.norm(turn, axis=1)
     yield from (x for x in (*way_of(turn).T, *turn.T) if np.any(np.abs(x) > LEAST_TURN))
-    yield from (np.maximum(angle - least, 0.0) for least in LONG_TURNS)
+    for least in LONG_TURNS:
+        yield from (np.maximum(angle - least, 0.0), np.minimum(angle, least), 1.0 * (angle > least))
     gone = remembered(angle[:, None], view, 1.0)[:, 0]
     yield from (gone % slip for slip in SLIPS)

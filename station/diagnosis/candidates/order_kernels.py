@@ -24,12 +24,12 @@ PALLETS = 3
 
 
 def order_kernels(view: ResidualView) -> Iterator[Candidate]:
-    """Every second or third visit, the step from the previous visit on any axis and its sign, the length of the move,
-    what each axis felt before that, and where it came from."""
+    """Every second or third visit, the step from the previous visit on any axis, its size and sign, the length of the
+    move, what each axis felt before that, and where it came from."""
     visits = view.scene.visits
     turn = each_axis(np.where(visits.visit % 2, -1.0, 1.0)[:, None])
     a = view.nominal_stimulus
-    step = each_axis(steps_before(view, a))
+    step, size = (each_axis(x) for x in (steps_before(view, a), np.abs(steps_before(view, a))))
     last_but_one = np.where(visits.previous >= 0, visits.previous[visits.previous], -1)
     earlier = own_axis(np.where(last_but_one[:, None] >= 0, a[last_but_one] - a, 0.0))
     turned = CauseColumns.in_bank(view, own_axis(a) * turn)
@@ -41,7 +41,7 @@ def order_kernels(view: ResidualView) -> Iterator[Candidate]:
     pallets = each_axis((visits.visit % PALLETS)[:, None] == np.arange(PALLETS - 1))
     alone = [
         CauseColumns.in_bank(view, x)
-        for x in (turn, step, each_axis(length), each_axis(length**2), earlier, way, pallets)
+        for x in (turn, step, size, each_axis(length), each_axis(length**2), earlier, way, pallets)
     ]
     for of in levels_that_differ(view, "unit", "common"):
         yield from (kernel("order", of, view, columns) for columns in alone)

@@ -9,10 +9,12 @@ kernel explains as much, is the search begun again in one that has sizes of its 
 from dataclasses import replace
 
 from station.diagnosis.candidates.kernels import STATE
-from station.diagnosis.linear.axis_sizes import own_sizes
+from station.diagnosis.linear.axis_sizes import AxisSizes, own_sizes
 from station.diagnosis.search.alarm import UNKNOWN_NATS
+from station.diagnosis.search.extent import ranks_in_extent
 from station.diagnosis.search.hidden_state import has_levels
 from station.diagnosis.search.problem import sharing_scatter
+from station.diagnosis.search.rank import RankedCause
 from station.diagnosis.search.scoring import ScoringProblem
 from station.diagnosis.search.search_state import CauseSearch, NullFactory
 
@@ -36,12 +38,34 @@ def search_in_floor(problem: ScoringProblem, null_of: NullFactory) -> CauseSearc
     readings = floor.readings(moving=False)
     sizes = own_sizes(floor.fit(), floor.known, readings, floor.upper, SIZES_NATS + max(explained - gain, 0.0))
     if sizes is not None:
-        floor = replace(floor, setting=replace(floor.setting, structure=sizes.structure))
+        floor = in_floor(floor, sizes)
         gain += sizes.gain - SIZES_NATS
     if gain <= explained:
         return search
-    # Under the floor that is best with it a cause explains more than under that which has swallowed a part of it.
-    ranks = search.ranks(search.first, [])
-    if gain <= max((r.evidence for r in ranks.values()), default=0.0):
+    # Under the floor that is best with it a cause explains more than under that which has swallowed a part of it, and
+    # what acts on one axis alone more than where it pays for all of them: an axis with sizes of its own pays for none.
+    state = search.first
+    ranks = search.ranks(state, [])
+    ranks = ranks_in_extent(problem, [s.bank for s in state.now.projected], ranks, state.now.floor)
+    leader = max(ranks.values(), key=lambda r: r.evidence, default=None)
+    if leader is not None and gain <= leader.evidence:
         return search
-    return CauseSearch(floor, null_of)
+    beside = None if leader is None else _beside(problem, leader, gain)
+    return CauseSearch(floor if beside is None else beside, null_of)
+
+
+def _beside(problem: ScoringProblem, leader: RankedCause, gain: float) -> ScoringProblem | None:
+    """The problem in a floor of which each axis has the sizes that it has beside what leads; None where both together
+    explain no more than a floor without it does, by its gain."""
+    if leader.best is None or leader.evidence < UNKNOWN_NATS:
+        return None
+    with_it = problem.with_accepted((*problem.accepted, leader.at.accept(leader.best, problem.view)))
+    readings = with_it.readings(moving=False)
+    wanted = gain + UNKNOWN_NATS + SIZES_NATS - leader.evidence
+    sizes = own_sizes(with_it.fit(leader.at.floor), with_it.known, readings, problem.upper, wanted)
+    return None if sizes is None else in_floor(problem, sizes)
+
+
+def in_floor(problem: ScoringProblem, sizes: AxisSizes) -> ScoringProblem:
+    """The problem in a floor of which each axis has its own sizes."""
+    return replace(problem, setting=replace(problem.setting, structure=sizes.structure))
