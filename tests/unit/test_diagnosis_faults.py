@@ -420,6 +420,23 @@ def test_noise_of_any_colour_is_no_tone(seed: int, colour: str) -> None:
     assert "motor-tone" not in found(made, recipe(1))
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_that_the_axes_share_is_no_tone(seed: int) -> None:
+    """A supply's: where the three axes agree in it, that is one agreement."""
+    made, _ = hide(recipe(1), None, seed)
+    shared = np.random.default_rng(seed).standard_normal((len(made), 1))
+    assert "motor-tone" not in found(replace(made, reading=made.reading + 2e-3 * shared), recipe(1))
+
+
+def test_a_tone_beside_noise_that_the_axes_share_is_found() -> None:
+    made = table()
+    shared = 3e-4 * np.random.default_rng(1).standard_normal((len(made), 1))
+    tone = made.values["motor"] * np.sin(2 * np.pi * 7.3 * (made.time_s + made.values["started_s"]))
+    faults = found(replace(made, reading=made.reading + shared + tone[:, None] * np.array([0.0, 2e-4, -2e-4])))
+    (frequency,) = (n.value for n in faults["motor-tone"].numbers if n.name == "frequency")
+    assert frequency == pytest.approx(7.3, abs=5e-3)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("in_step", [True, False])
 def test_a_hum_as_loud_at_any_drive_is_no_tone_of_the_motors(seed: int, in_step: bool) -> None:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from station.diagnosis.data.faults.gross_fault import BlockGain, FaultParameter, GrossFault, block_gain, halves_of
 from station.diagnosis.data.faults.phase_agreement import POWER_TERMS, PhaseAgreement, chance
 from station.diagnosis.data.faults.phase_peaks import PhasePeaks, phase_peaks, waves_of
+from station.diagnosis.data.faults.shared_noise import independent
 from station.diagnosis.data.faults.tone_errors import (
     ToneErrors,
     driven_dwells,
@@ -60,14 +61,15 @@ def faults(recipe: Recipe, table: SampleTable, visit: NDArray[np.intp]) -> list[
 
 def _confirmed(line: ToneLine, d: WhiteDwells, sigma: Floats, recipe: Recipe) -> GrossFault | None:
     """The tone of a line; None where chance, an arrival or anything but the motors may have made it."""
+    judged = independent(d, float(line.frequency_hz[-1]))
     if line.resolution_hz is None:
-        agreement = PhaseAgreement(d, np.inf)
+        agreement = PhaseAgreement(judged, np.inf)
         grown, elsewhere = agreement.power_follows_drive(float(line.frequency_hz[0]))
         if chance(grown, POWER_TERMS) * line.tried > FALSE_TONES or chance(elsewhere, POWER_TERMS) > ONE_DWELL:
             return None
         frequency, nats = float(line.frequency_hz[0]), line.nats
     else:
-        agreement = PhaseAgreement(d, 1 / line.resolution_hz)
+        agreement = PhaseAgreement(judged, 1 / line.resolution_hz)
         frequency, nats = _most_agreed(agreement, line.frequency_hz, line.resolution_hz)
         if chance(nats, agreement.terms) * line.tried > FALSE_TONES or not agreement.follows_drive(frequency):
             return None
