@@ -18,6 +18,7 @@ from station.diagnosis.results.diagnose import _gain
 from station.diagnosis.results.first_formula import _is_whole, law_alone
 from station.diagnosis.results.imitators import BEYOND_NOISE, _alike, _in_noise_of, _is_law_of, _leaves_noise, _rest
 from station.diagnosis.search.alarm import EXPLAINS_NATS
+from station.diagnosis.search.cause_chains import _picking_nats
 from station.diagnosis.search.cause_search import _in_place_of, search_causes
 from station.diagnosis.search.finding import _indistinguishable, _rival_of, cause_finding
 from station.diagnosis.search.form_check import compare_laws, in_place_of
@@ -368,3 +369,35 @@ def test_a_formula_that_writes_what_swings_after_a_move_takes_no_place_of_it(sec
     size = np.full((len(term.names), term.axes), 5e-3)
     item = AcceptedCause(term, np.ones(len(term.names), bool), size, 0 * size, size)
     assert _is_law_of(item, cause, problem, problem.fit().floor.noise) is same
+
+
+def test_of_causes_alike_the_one_that_held_out_data_confirm_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A unit's last visit is disturbed: a jump before it says the same. That jump leads here. Where nothing held out
+    confirms it, the other is named in its place, not neither."""
+
+    def last_disturbed(w: World, rng: Any) -> tuple[Any, Any]:
+        last = (w.unit == 0) & (w.visit == w.visit.max())
+        return w.feel(nest=last[:, None] * rng.amplitude(1e-3, (3,))), np.zeros_like(w.a)
+
+    def of_no_jump(problem: ScoringProblem, i: int, floor: Any) -> Any:
+        gain = held_out_gain(problem, i, floor)
+        return replace(gain, log_score=0.0) if problem.accepted[i].candidate.name == "step" else gain
+
+    problem = problem_of(last_disturbed, 4, units=3, d=13.0, kind=six_faces("listed"))
+    (jump,) = search_causes(problem, null_of).findings
+    assert (jump.name, "disturbed-visit" in jump.indistinguishable_from) == ("step", True)
+    monkeypatch.setattr("station.diagnosis.search.second_look.held_out_gain", of_no_jump)
+    (found,) = search_causes(problem, null_of).findings
+    assert (found.name, "step" in found.indistinguishable_from) == ("disturbed-visit", True)
+
+
+def test_picking_visits_out_of_many_costs_what_it_is_to_choose_them() -> None:
+    """One of 27 visits, three of 27, and a cause of all units."""
+
+    def cost(pattern: str, hit: list[bool]) -> float:
+        item = SimpleNamespace(candidate=SimpleNamespace(pattern=pattern), hit=np.array(hit))
+        return _picking_nats(SimpleNamespace(accepted=item))  # type: ignore[arg-type]
+
+    assert cost("scan", [True] + [False] * 26) == pytest.approx(np.log(27))
+    assert cost("scan", [True] * 3 + [False] * 24) == pytest.approx(np.log(27 * 26 * 25 / 6))
+    assert cost("own", [True] * 3) == 0.0

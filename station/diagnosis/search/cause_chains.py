@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 
 from station.diagnosis.candidates.kernels import KERNEL_NAMES
 from station.diagnosis.search.alarm import EXPLAINS_NATS, UNKNOWN_NATS
@@ -131,7 +132,16 @@ def _whole_nats(found: Chain) -> float:
 def _known_nats(found: Chain) -> float:
     """How likely the readings are with all causes of a chain known, each further one being one more choice."""
     scatters = sum(f.accepted is None for f, _ in found)
-    return marginal_nats(found[-1][1].problem) - CHOICE_NATS * len(found) - OCCAM_NATS * scatters
+    picked = sum(_picking_nats(f) for f, _ in found)
+    return marginal_nats(found[-1][1].problem) - CHOICE_NATS * len(found) - OCCAM_NATS * scatters - picked
+
+
+def _picking_nats(finding: CauseFinding) -> float:
+    """What it costs that the visits or runs which a cause hits are these, and no others."""
+    if not _is_picked(finding) or finding.accepted is None:
+        return 0.0
+    hit = finding.accepted.hit
+    return float(np.log(scipy.special.binom(len(hit), np.count_nonzero(hit))))
 
 
 def _with_kernel(found: Chain) -> float:

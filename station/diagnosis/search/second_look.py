@@ -44,7 +44,25 @@ def judged_again(
 ) -> tuple[tuple[CauseFinding, ...], SearchState]:
     """The findings, each with the probabilities and the rivals that it has beside all others. One that no longer
     explains anything, and without which nothing alarms, was a remainder of another, and is dropped."""
-    return (findings, state) if len(findings) < 2 else _judged(search, state, findings, MAX_CHAIN)
+    return (_confirmed if len(findings) < 2 else _judged)(search, state, findings, MAX_CHAIN)
+
+
+def _confirmed(
+    search: CauseSearch, state: SearchState, findings: tuple[CauseFinding, ...], most: int
+) -> tuple[tuple[CauseFinding, ...], SearchState]:
+    """The finding alone; or, where nothing held out confirms it, one of at most so many others that these data cannot
+    tell from it, that are as likely but for chance, leave nothing and are confirmed. A jump before the last visit moves
+    that one alone, and so does whatever disturbs it."""
+    first = len(search.first.problem.accepted)
+    if state.alarms or not findings or findings[0].accepted is None:
+        return findings, state
+    if held_out_gain(state.problem, first, state.now.floor).accepted:
+        return findings, state
+    one = _beside_others(search, state.problem, first, findings[0])
+    for cause in one.better(state.problem.accepted, first, pays=False)[:most]:
+        if cause.name in findings[0].indistinguishable_from and (found := _in_place(search, state, one, first, cause)):
+            return (found[0],), found[1]
+    return findings, state
 
 
 def _judged(
@@ -87,18 +105,27 @@ def _exchanged(
     """Which finding gives way to another cause, or to itself at another level, that gains on held-out data in its place
     and leaves nothing; that as a finding, and the state with it. What others left behind decides between two such by
     little, what they predict by much."""
-    first, floor = len(search.first.problem.accepted), state.now.floor
-    pays = [held_out_gain(state.problem, first + i, floor).accepted for i in range(len(again))]
+    first = len(search.first.problem.accepted)
+    pays = [held_out_gain(state.problem, first + i, state.now.floor).accepted for i in range(len(again))]
     for i, one in enumerate(again):
         if not pays[i] and not any(pays):
             continue
         for cause in one.better(state.problem.accepted, first + i, pays=pays[i]):
-            finding = cause_finding(one.bare, one.ranks, cause, one.judged.statistic)
-            if finding.accepted is None:
-                continue
-            items = list(state.problem.accepted)
-            items[first + i] = finding.accepted
-            changed = search.state(refined(one.bare.with_accepted(items)))
-            if not changed.alarms and held_out_gain(changed.problem, first + i, changed.now.floor).accepted:
-                return i, finding, changed
+            if found := _in_place(search, state, one, first + i, cause):
+                return i, *found
     return None
+
+
+def _in_place(
+    search: CauseSearch, state: SearchState, one: "_BesideOthers", i: int, cause: RankedCause
+) -> tuple[CauseFinding, SearchState] | None:
+    """Another cause in place of accepted cause i, and the state with it; None where it leaves something or gains
+    nothing on held-out data."""
+    finding = cause_finding(one.bare, one.ranks, cause, one.judged.statistic)
+    if finding.accepted is None:
+        return None
+    items = list(state.problem.accepted)
+    items[i] = finding.accepted
+    changed = search.state(refined(one.bare.with_accepted(items)))
+    pays = not changed.alarms and held_out_gain(changed.problem, i, changed.now.floor).accepted
+    return (finding, changed) if pays else None
