@@ -36,3 +36,13 @@ def test_the_branch_changes_once_the_temperature_has_turned_by_the_play() -> Non
     turned = np.flatnonzero(branch[100:200] <= -1.0 + 1e-9)[0]
     assert course[100 + turned] == pytest.approx(4.0 - 1.0, abs=0.05)
     assert np.allclose(branch[100 + turned : 200], -1.0)
+
+
+def test_a_relay_stays_on_between_its_limits_and_off_where_it_came_from_below() -> None:
+    course = np.tile(np.concatenate([np.linspace(0.0, 4.0, 100), np.linspace(4.0, 0.0, 100)]), 2)
+    relay = memory(course).relay(1.0, 3.0)
+    rises = np.tile(np.arange(200) < 100, 2)
+    assert np.array_equal(relay == 1.0, np.where(rises, course > 3.0, course > 1.0))
+    # A run that begins between them begins on the side of the nearer one.
+    assert memory(np.full(400, 2.5)).relay(1.0, 3.0).all()
+    assert not memory(np.full(400, 1.5)).relay(1.0, 3.0).any()

@@ -43,6 +43,8 @@ PLAY = 0.3
 KEPT, LONG_MOVE = (0.4, 0.7), 1.5
 #: Lags behind the temperature, as shares of a run's duration, and plays in it, as shares of a run's range.
 LAGS, THERMAL_PLAYS = (0.1, 0.3, 1.0), (0.2, 0.5)
+#: Quantiles of the temperature at which something goes off, and comes on only beyond the second.
+RELAYS = ((0.25, 0.5), (0.35, 0.65), (0.5, 0.75), (0.25, 0.75))
 #: The branch on which each run begins: fallen, in the middle, risen.
 BRANCHES = (-1.0, 0.0, 1.0)
 
@@ -162,6 +164,9 @@ def _memories(view: ResidualView) -> Iterator[Law]:
         branch = on_every_axis(memory.branch(play, start))
         yield "temperature", (branch,)
         yield "temperature", (plain, branch)
+    for limits in RELAYS:
+        off, on = np.quantile(memory.temperature_degC, limits)
+        yield "temperature", (on_every_axis(centred_values(memory.relay(float(off), float(on)))),)
     for lag in LAGS:
         behind = memory.temperature_degC - memory.lagged(lag)
         yield "temperature", (plain, on_every_axis(behind / memory.range_degC))
@@ -258,15 +263,18 @@ def _products(curves: Mapping[str, Curves], a: Floats, step: Floats) -> Iterator
     for name, of in curves.items():
         x = on_every_axis(of.plain)
         yield from ((f"{name}*input", (x * form,)) for form in (a**2, np.abs(a), a**3))
-        yield from ((f"{name}*order", (x * form,)) for form in (step, np.abs(a) * step))
+        yield from ((f"{name}*order", (x * form,)) for form in (step, np.abs(a) * step, _side(step), np.abs(step)))
         yield from ((f"{name}*order", (on_every_axis(x) * step,)) for x in of.fading)
 
 
 def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     """What an axis picks up from the next two, varying with a covariate."""
+    one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     for name, of in curves.items():
+        for x in of.waves:
+            yield f"{name}*input", tuple(on_every_axis(phase) * other for phase in x for other in (one, two))
         for x in (of.plain, *of.switched[:: max(len(of.switched) // 4, 1)]):
-            yield f"{name}*input", (on_every_axis(x) * np.roll(a, 1, axis=1), on_every_axis(x) * np.roll(a, 2, axis=1))
+            yield f"{name}*input", (on_every_axis(x) * one, on_every_axis(x) * two)
 
 
 def _products_of_axes(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:

@@ -72,6 +72,20 @@ class TemperatureMemory:
 
         return self._by_run(drag)
 
+    def relay(self, off_degC: float, on_degC: float) -> Floats:
+        """1 (v) from where the temperature is above one limit until it is below the lower one, otherwise 0; a run that
+        begins between them begins on the side of the nearer one."""
+
+        def switch(T: Floats, _time_s: Floats) -> Floats:
+            out = np.empty(len(T))
+            on = 2 * T[0] > off_degC + on_degC
+            for i, now in enumerate(T):
+                on = now > (off_degC if on else on_degC)
+                out[i] = on
+            return out
+
+        return self._by_run(switch)
+
     def _by_run(self, course: Callable[[Floats, Floats], Floats]) -> Floats:
         found = np.zeros(len(self.temperature_degC))
         for rows in self.runs:
