@@ -271,8 +271,8 @@ def _crosstalk(curves: Mapping[str, Curves], a: Floats) -> Iterator[Law]:
     """What an axis picks up from the next two, varying with a covariate."""
     one, two = (np.roll(a, places, axis=1) for places in (1, 2))
     for name, of in curves.items():
-        for x in of.waves:
-            yield f"{name}*input", tuple(on_every_axis(phase) * other for phase in x for other in (one, two))
+        for wave in of.waves:
+            yield f"{name}*input", tuple(on_every_axis(x) * other for x in wave for other in (one, two))
         for x in (of.plain, *of.switched[:: max(len(of.switched) // 4, 1)]):
             yield f"{name}*input", (on_every_axis(x) * one, on_every_axis(x) * two)
 
