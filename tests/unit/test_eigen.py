@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.diagnosis.linear.eigen import eigenvectors, left_singular_vectors
+from station.diagnosis.linear.eigen import eigenvectors, left_singular_vectors, pseudo_inverse
 
 #: A kernel of the pose in two nests, beside offsets and gains: of its 60 columns 12 are rounding.
 NORMAL = Path(__file__).parents[1] / "data" / "normal-matrix.npz"
@@ -32,6 +32,24 @@ def test_others_have_those_that_numpy_finds(seed: int, n: int) -> None:
     normal = half @ half.swapaxes(-1, -2)
     for found, expected in zip(eigenvectors(normal), np.linalg.eigh(normal), strict=True):
         assert np.array_equal(found, expected)
+
+
+def test_a_matrix_that_divide_and_conquer_gives_up_has_a_pseudo_inverse() -> None:
+    """A gyroscope's calibration beside known columns that say the same: the diagnosis ended without a report."""
+    with np.load(NORMAL) as kept:
+        normal = kept["normal"]
+    normal = normal / np.abs(normal).max()
+    inverse = pseudo_inverse(normal, 1e-12)
+    assert normal @ inverse @ normal == pytest.approx(normal, abs=1e-9)
+    assert inverse @ normal @ inverse == pytest.approx(inverse, abs=1e-9 * np.abs(inverse).max())
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_of_others_it_is_that_of_numpy(seed: int, n: int) -> None:
+    half = np.random.default_rng(seed).standard_normal((3, 2, n, max(n - 1, 1)))
+    normal = half @ half.swapaxes(-1, -2)
+    expected = np.linalg.pinv(normal, 1e-9, hermitian=True)
+    np.testing.assert_allclose(pseudo_inverse(normal, 1e-9), expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
 
 
 def test_columns_that_divide_and_conquer_gives_up_have_their_singular_vectors(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from station.diagnosis.candidates.nuisance import CoefficientIndex
+from station.diagnosis.linear.eigen import eigenvectors, pseudo_inverse
 from station.diagnosis.linear.projection import DataColumns, FloorCovariance, NuisanceColumns, prior_rows
 from station.domain.core.types import Floats
 
@@ -93,7 +94,7 @@ def _inverse(normal: Floats) -> Floats:
     live = size > LEAST_SIZE
     inverse = np.where(live, 1 / np.where(live, size, 1.0), 0.0)
     scale = inverse[..., :, None] * inverse[..., None, :]
-    return np.asarray(np.linalg.pinv(normal * scale, EIGENVALUE_CUT, hermitian=True) * scale)
+    return np.asarray(pseudo_inverse(normal * scale, EIGENVALUE_CUT) * scale)
 
 
 def with_most_in_first(columns: Floats, own: Floats, first: int) -> Floats:
@@ -103,7 +104,7 @@ def with_most_in_first(columns: Floats, own: Floats, first: int) -> Floats:
     length = np.where(length > 0, length, 1.0)
     moved = own.copy()
     for u, unit in enumerate(columns / length[:, None]):
-        values, vectors = np.linalg.eigh(unit.T @ unit)
+        values, vectors = eigenvectors(unit.T @ unit)
         same = vectors[:, values < SAME_COLUMNS * values.max(initial=0.0)]
         if same.shape[1]:
             by = np.linalg.lstsq(same[first:], (own[u] * length[u])[first:], rcond=None)[0]

@@ -21,6 +21,16 @@ def eigenvectors(normal: Floats) -> tuple[Floats, Floats]:
     return np.asarray(values), np.asarray(vectors)
 
 
+def pseudo_inverse(normal: Floats, cut: float) -> Floats:
+    """Pseudo-inverse (…, n, n) of symmetric matrices (…, n, n); cut: directions whose eigenvalue is no more than such a
+    share of the largest are left out."""
+    values, vectors = eigenvectors(normal)
+    size = np.abs(values)
+    kept = size > cut * size.max(axis=-1, keepdims=True, initial=0.0)
+    inverse = np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)
+    return np.asarray((vectors * inverse[..., None, :]) @ vectors.swapaxes(-1, -2))
+
+
 def left_singular_vectors(columns: Floats) -> tuple[Floats, Floats]:
     """Left singular vectors (u, M, k) and singular values (u, k), falling, of matrices (u, M, p); k the lesser of M and
     p. Where divide and conquer gives up, as above, by the QR algorithm."""

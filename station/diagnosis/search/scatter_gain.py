@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from station.diagnosis.linear.eigen import eigenvectors
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.search.held_out_gain import HeldOutGain, folds
 from station.diagnosis.search.rank import FLOOR_VARIANCES, with_bounded_variance
@@ -85,7 +86,7 @@ def predicted_visits(problem: ScoringProblem, variances: Floats, i: int) -> Pred
     rows, by_visit = problem.view.grid.rows, (slot.size, k)
     spans = np.concatenate([space.basis, space.shared_basis], axis=2)[:, :rows].reshape(*by_visit, -1)
     white = space.residual[:, :rows].reshape(by_visit)
-    values, turn = np.linalg.eigh(np.eye(k) - spans @ spans.swapaxes(1, 2))
+    values, turn = eigenvectors(np.eye(k) - spans @ spans.swapaxes(1, 2))
     told = (values > UNTOLD) & (slot.reshape(-1, 1) >= 0)
     kept, along = np.where(told, values, 1.0), np.einsum("vij,vi->vj", turn, white)
     squares = np.sum(np.where(told, along**2 / kept, 0.0), axis=1)
