@@ -90,6 +90,18 @@ def test_labels_that_change_within_a_visit_are_not_used() -> None:
     assert list(used.labels) == ["lot"]
 
 
+def test_labels_that_nearly_each_visit_has_of_its_own_are_not_used() -> None:
+    made = table()
+    visit = np.cumsum(np.diff(made.visit, prepend=-1) != 0).astype(np.int32) - 1
+    each, nests = (
+        Labels(tuple(f"A{i}" for i in range(k)), code)
+        for k, code in ((int(visit.max()) + 1, visit), (2, (made.unit.code % 2).astype(np.int32)))
+    )
+    used, said = column_checks.without_misnamed(RECIPE, replace(made, labels={"lot": each, "nest": nests}))
+    assert [message.id for message in said] == ["label-of-no-group"]
+    assert list(used.labels) == ["nest"]
+
+
 def test_two_seatings_in_a_visit_are_refused() -> None:
     made = table()
     half = Labels(("home", "turned"), (np.arange(len(made)) % 2).astype(np.int32))

@@ -93,6 +93,19 @@ def test_one_face_put_down_instead_of_up_is_left_out(rng: np.random.Generator) -
     assert [one.of for one in found.left_out] == ["visit:SN0/1/0", "visit:SN0/1/1"]
 
 
+@pytest.mark.parametrize("factor", [1.0, np.pi / 180])
+def test_spins_exchanged_are_left_out_whatever_their_unit(rng: np.random.Generator, factor: float) -> None:
+    spins = load_recipe("gyroscope-six-point")
+    names = tuple(p.name for p in spins.positions)
+    true = np.array([spins.true_vector(p) for p in spins.positions])
+    made = table(rng)
+    reading = factor * (true[made.visit] + rng.normal(0, 0.02, (len(made), 3)))
+    made = replace(called(made, 1, 1, {0: 3, 3: 0}), reading=reading)
+    made = replace(made, position=Labels(names, made.position.code))
+    found, _ = preflight.inspect(spins, made)
+    assert [one.of for one in found.left_out] == ["visit:SN1/1/0", "visit:SN1/1/3"]
+
+
 def test_the_angle_turns_the_part_to_where_it_reads(rng: np.random.Generator) -> None:
     """As the effect turns it: the reading of the position called is that of the other."""
     made = called(table(rng), 0, 1, {2: 5, 3: 2})

@@ -14,6 +14,8 @@ from station.messages import Message
 
 #: Columns of which a visit has one value.
 OF_VISITS = ("station", "nest", "lot", "operator")
+#: Of more names than runs, and than this share of the visits, none has a group of visits.
+MOST_NAMES = 1 / 3
 #: A counter goes on by one in so many of a unit's steps; or, where frames are lost, at the rate of the stamps to within
 #: this share.
 MOST_BY_ONE, SAME_RATE = 0.6, 0.2
@@ -39,13 +41,22 @@ def without_misnamed(recipe: Recipe, table: SampleTable) -> tuple[SampleTable, t
 
 
 def _changing(table: SampleTable, name: str, begin: NDArray[np.int64], inside: Inside) -> Iterator[Message]:
-    """What is said of a label of which a visit has several."""
+    """What is said of a label of which a visit has several, or of which nearly each has its own."""
     if name not in table.labels:
         return
     rows = np.flatnonzero(inside & (np.diff(table.labels[name].code) != 0))
     if len(rows):
         visits = len(np.unique(np.searchsorted(begin, rows, side="right")))
         yield Message("label-changes", column=name, visits=visits, total=len(begin), **where_is(table, int(rows[0])))
+        return
+    names, passes = len(np.unique(table.labels[name].code[begin])), len(np.unique(_passes(table, begin)))
+    if names > max(passes, MOST_NAMES * len(begin)):
+        yield Message("label-of-no-group", column=name, names=names, visits=len(begin))
+
+
+def _passes(table: SampleTable, begin: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A number (v) of the unit and run of each visit."""
+    return np.asarray((table.unit.code[begin].astype(np.int64) << 32) + table.run[begin])
 
 
 def _counter(recipe: Recipe, table: SampleTable, inside: Inside) -> Message | None:

@@ -14,9 +14,9 @@ from station.domain.recipe import plan
 from station.domain.recipe.recipe import Recipe
 from station.domain.recognition.quantities import sphere
 
-#: A reading this far from its position's stimulus is of another one, and of one that is so near: no offset turns it so,
-#: and no nest.
-FAR_DEG, NEAR_DEG = 45.0, 20.0
+#: A reading this far from its position's stimulus, in stimuli, is of another one, and of one that is so near: as
+#: directions are that are 45° and 20° apart. No offset moves it so, and no nest.
+FAR, NEAR = 0.765, 0.347
 #: So many visits of a unit read as they are called where some are at no position.
 MOST_AS_CALLED = 0.6
 #: One matrix and one offset leave less than this share of the stimulus where axes are others, or the unit is turned.
@@ -54,38 +54,48 @@ class MisplacedVisit:
 
 def elsewhere(recipe: Recipe, table: SampleTable, begin: NDArray[np.int64], mean: Floats) -> list[MisplacedVisit]:
     """Visits of a table in order that read as another position. mean (v, 3): their readings."""
-    if not recipe.pose_known or recipe.reference.source == "rate":
+    if not recipe.pose_known:
         return []
     seating = seating_of_visits(recipe, table, begin)
     if seating is None:
         return []
     names = [p.name for p in recipe.positions]
-    nest = _directions(np.array([recipe.felt_vector(p) for p in recipe.positions]))
+    nest = np.array([recipe.felt_vector(p) for p in recipe.positions])
     true = np.array([[recipe.true_vector(p, s) for p in recipe.positions] for s in seating.names])
     position = np.array([names.index(name) for name in table.position.names], np.intp)[table.position.code[begin]]
     unit, found = table.unit.code[begin], list[MisplacedVisit]()
     for u in np.unique(unit):
         own = np.flatnonzero(unit == u)
-        read = _directions(mean[own] - sphere(mean[own])[0])
         at, called = true[seating.code[own]], true[seating.code[own], position[own]]
-        off = np.degrees(np.arccos(np.clip(np.einsum("vpi,vi->vp", _directions(at), read), -1, 1)))
-        off[~np.isfinite(off)] = 0.0
-        far = off[np.arange(len(own)), position[own]] > FAR_DEG
-        near = off.min(axis=1) < NEAR_DEG
-        odd = _in_no_order(_directions(called), read, table.run[begin[own]], far, near) if far.any() else far
-        if odd.any():
-            nearest = np.argmin(off, axis=1)
-            found += [
-                MisplacedVisit(
-                    int(own[v]),
-                    names[nearest[v]],
-                    _turn(nest[nearest[v]], nest[position[own[v]]]),
-                    called[v],
-                    at[v, nearest[v]],
-                )
-                for v in np.flatnonzero(odd)
-            ]
+        read, there = _comparable(mean[own], at, called, spins=recipe.reference.source == "rate")
+        off = np.linalg.norm(there - read[:, None], axis=2)
+        far, near = off[np.arange(len(own)), position[own]] > FAR, off.min(axis=1) < NEAR
+        odd = far
+        if far.any():
+            odd = _in_no_order(there[np.arange(len(own)), position[own]], read, table.run[begin[own]], far, near)
+        nearest = np.argmin(off, axis=1)
+        found += [
+            MisplacedVisit(
+                int(own[v]),
+                names[nearest[v]],
+                _turn(nest[nearest[v]], nest[position[own[v]]]),
+                called[v],
+                at[v, nearest[v]],
+            )
+            for v in np.flatnonzero(odd)
+        ]
     return found
+
+
+def _comparable(mean: Floats, at: Floats, called: Floats, *, spins: bool) -> tuple[Floats, Floats]:
+    """Means of visits (v, 3) and what a perfect device reads at all positions (v, p, 3), in stimuli: directions about
+    the middle of the readings; of spins, whose sizes differ, shares of the fastest, whatever the unit."""
+    if not spins:
+        return _directions(mean - sphere(mean)[0]), _directions(at)
+    fastest, size = np.linalg.norm(at, axis=2).max(initial=1e-300), np.linalg.norm(called, axis=1)
+    turning = size > 0.1 * fastest
+    factor = np.median(np.linalg.norm(mean[turning], axis=1) / size[turning]) if turning.any() else 1.0
+    return np.asarray(mean / max(factor * fastest, 1e-300)), np.asarray(at / fastest)
 
 
 def _in_no_order(called: Floats, read: Floats, run: Ints, far: Marks, near: Marks) -> Marks:
@@ -120,7 +130,7 @@ def _mapping(called: Floats, read: Floats) -> Floats | None:
     return np.asarray(found[:3].T) if np.linalg.norm(left, axis=1).max() < MAPPED else None
 
 
-def as_cause(recipe: Recipe, table: SampleTable, mean: Floats, found: list[MisplacedVisit]) -> GrossFault:
+def as_cause(table: SampleTable, mean: Floats, found: list[MisplacedVisit]) -> GrossFault:
     """Visits that read as another position, as the cause that they are. mean (v, 3): readings of the visits of a table
     in order."""
     begin, _ = visit_boundaries(table)
@@ -132,24 +142,28 @@ def as_cause(recipe: Recipe, table: SampleTable, mean: Floats, found: list[Mispl
         for i, axis in enumerate("xyz")
     )
     sentence = f"{len(found)} of {len(begin)} visits read as another position than they are called"
-    gain = _gain(recipe, np.array([mean[one.visit] for one in found]), found)
+    gain = _gain(np.array([mean[one.visit] for one in found]), found)
     return GrossFault("disturbed-visit", "visit", numbers, sentence, gain.total if gain else 0.0, gain=gain)
 
 
-def _gain(recipe: Recipe, mean: Floats, found: list[MisplacedVisit]) -> BlockGain | None:
+def _gain(mean: Floats, found: list[MisplacedVisit]) -> BlockGain | None:
     """By how much likelier readings (k, 3) are of the other positions than of those stated, axis by axis; nothing is
     fitted to them."""
-    before = mean - np.array([one.called for one in found])
-    after = mean - np.array([one.other for one in found])
-    scores = 0.5 * (before**2 - after**2) / (ANGLE_STD * recipe.reference.strength()) ** 2
-    moved = np.abs(before - after) > ANGLE_STD * recipe.reference.strength()
+    called, other = (np.array([getattr(one, name) for one in found]) for name in ("called", "other"))
+    before, after = mean - called, mean - other
+    std = ANGLE_STD * max(float(np.linalg.norm([called, other], axis=2).max()), 1e-300)
+    scores, moved = 0.5 * (before**2 - after**2) / std**2, np.abs(called - other) > std
     rms = float(np.sqrt(np.mean(before**2))), float(np.sqrt(np.mean(after**2)))
     return block_gain(scores[moved], np.ones(np.count_nonzero(moved)), None, "visit", rms)
 
 
 def _turn(read: Floats, called: Floats) -> Floats:
-    """The rotation vector (3) that turns a direction (3) read to the one (3) of the position it is called after."""
-    return np.asarray(np.round(rotation.to_vector(rotation.shortest(read, called)), 9) + 0.0)
+    """The rotation vector (3) that turns what is read (3) to what the position called after has (3); none where either
+    is a rest."""
+    if not (read.any() and called.any()):
+        return np.zeros(3)
+    turn = rotation.to_vector(rotation.shortest(_directions(read), _directions(called)))
+    return np.asarray(np.round(turn, 9) + 0.0)
 
 
 def _directions(vectors: Floats) -> Floats:
