@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from station.diagnosis.data.arrivals import chance_of_early, pieces_of_dwells
 from station.diagnosis.data.contrast_noise import ContrastNoise, contrast_noise, without_bumps
+from station.diagnosis.data.missing_axes import with_noise_on_missing
 from station.diagnosis.data.ringing import Ringing, find_ringings
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Array, Floats, SampleTable
@@ -222,13 +223,14 @@ def _warming(table: SampleTable, visit: NDArray[np.intp], visits: int) -> Floats
 def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart], sigma: Floats) -> ReducedScene:
     """The visits of all parts, whose means stand in one table in their order; sigma (3): noise of a sample of all."""
     count = np.concatenate([p.count for p in parts])
-    mean, contrast = mean_and_contrasts(np.concatenate([p.block for p in parts]), count)
+    block = with_noise_on_missing(np.concatenate([p.block for p in parts]), count, sigma)
+    mean, contrast = mean_and_contrasts(block, count)
     since = np.concatenate([p.since_s for p in parts]) + recipe.settle.time_s
     scene, rate_error, degC_error = _scene(recipe, means, np.concatenate([p.warming for p in parts]))
     scene = replace(scene, since_arrival_s=since)
     one, axes = np.where(sigma > 0, sigma, 1.0), axis_noise(sigma, int(count.sum()) - len(count))
     differences = VisitDifferences.join(
-        [p.differences.beside(np.where(p.sigma > 0, p.sigma, 1.0) / one) for p in parts], known=bool(np.all(sigma > 0))
+        [p.differences.beside(np.where(p.sigma > 0, p.sigma, 1.0) / one) for p in parts], known=bool(np.any(sigma > 0))
     )
     late, spread = (np.concatenate([getattr(p, name) for p in parts]) for name in ("late", "spread"))
     return ReducedScene(
@@ -237,7 +239,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         mean,
         without_bumps(contrast, sigma),
         count,
-        float(np.sqrt(np.mean(sigma**2))),
+        float(np.sqrt(np.mean(sigma[sigma > 0] ** 2))) if np.any(sigma > 0) else 0.0,
         rate_error,
         degC_error,
         axes,

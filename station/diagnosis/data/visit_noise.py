@@ -37,11 +37,7 @@ LEAST_DIFFERENCES = 8
 
 def sample_noise(reading: Floats, visit: NDArray[np.intp]) -> Floats:
     """Noise of a sample (3) from differences of neighbours in a visit; 0 where they never differ."""
-    near = np.abs(_differences(reading, visit)[0])
-    if not len(near):
-        return np.zeros(3)
-    robust = np.array([np.median(column) for column in near.T]) / MAD_PER_SIGMA
-    return np.asarray(np.where(robust > 0, robust, np.sqrt(np.mean(near**2, axis=0))) / np.sqrt(2))
+    return NoiseTally.of(reading, visit).sigma()
 
 
 class NoiseTally:
@@ -71,31 +67,47 @@ class NoiseTally:
         self._squares += more._squares
 
     def sigma(self) -> Floats:
-        """What `sample_noise` gives of all visits together (3), to a thousandth."""
+        """Noise of a sample of all visits together (3), by the median of all distances, to a thousandth."""
         return np.array([_noise(*of) for of in zip(self._counts, self._sums, self._squares, strict=True)])
 
 
 def _noise(counts: Floats, sums: Floats, squares: float) -> float:
     """Noise of a sample from how many distances of neighbours there are of each size, rising, and their sums."""
-    up_to, total = np.cumsum(counts), counts.sum()
-    if not total:
+    there = np.flatnonzero(counts)
+    if not len(there):
         return 0.0
-    middle = np.searchsorted(up_to, [(total - 1) // 2, total // 2], "right")
-    robust = float(np.mean(sums[middle] / counts[middle])) / MAD_PER_SIGMA
-    return float((robust if robust > 0 else np.sqrt(squares / total)) / np.sqrt(2))
+    robust = _spread_median(sums[there] / counts[there], counts[there]) / MAD_PER_SIGMA
+    return float((robust if robust > 0 else np.sqrt(squares / counts.sum())) / np.sqrt(2))
+
+
+def _spread_median(size: Floats, count: Floats) -> float:
+    """Median of sizes (k), rising, so many of each, each spread as far as half way to those beside it: a converter's
+    codes stand for all that lies between them, and the median of codes jumps from one to the next. 0 where most do not
+    differ at all."""
+    between = (size[1:] + size[:-1]) / 2
+    low, high = np.append(0.0, between), np.append(between, size[-1])
+    up_to = np.cumsum(count)
+    k = int(np.searchsorted(up_to, up_to[-1] / 2))
+    if size[k] <= 0:
+        return 0.0
+    share = (up_to[-1] / 2 - (up_to[k] - count[k])) / count[k]
+    return float(low[k] + share * (high[k] - low[k]))
 
 
 def axis_noise(sigma: Floats, differences: int) -> Floats:
-    """Noise of each axis (3) beside the rms of all, from that of a sample; drawn to 1 as far as chance alone makes them
-    differ (James and Stein), and no further apart than noise of one kind may be."""
-    if np.any(sigma <= 0) or differences < 1:
+    """Noise of each axis (3) beside the rms of those that have any, from that of a sample; drawn to 1 as far as chance
+    alone makes them differ (James and Stein), and no further apart than noise of one kind may be. An axis that never
+    scatters, as the third of an inclinometer, has 1."""
+    live = sigma > 0
+    if live.sum() < 2 or differences < 1:
         return np.ones(3)
-    logs = 2 * np.log(sigma)
-    # Two degrees of freedom are left of three logarithms.
+    logs = 2 * np.log(sigma[live])
+    # One degree of freedom is the mean's.
     apart = logs - logs.mean()
-    apart = share_beyond_chance(apart, MEDIAN_LOG_VARIANCE / differences, 2) * apart
-    variance = np.exp(np.clip(apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE))
-    return np.asarray(np.sqrt(variance / variance.mean()))
+    apart = share_beyond_chance(apart, MEDIAN_LOG_VARIANCE / differences, len(logs) - 1) * apart
+    variance, found = np.exp(np.clip(apart, -MAX_LOG_VARIANCE, MAX_LOG_VARIANCE)), np.ones(3)
+    found[live] = np.sqrt(variance / variance.mean())
+    return found
 
 
 def share_beyond_chance(logs: Floats, variance: float, free: int) -> float:
@@ -109,7 +121,7 @@ def share_beyond_chance(logs: Floats, variance: float, free: int) -> float:
 class VisitDifferences:
     """Distances of neighbours in each visit (v), in noises of a sample: count (v) of them; square, middle (v, 3) mean
     square, none above FURTHEST, and median; product (v, 3) mean product of x and y, y and z, z and x; least (3) the
-    smallest that is not 0; known: whether all axes scatter."""
+    smallest that is not 0; known: whether any axis scatters."""
 
     count: NDArray[np.intp]
     square: Floats
@@ -120,7 +132,7 @@ class VisitDifferences:
 
     @staticmethod
     def join(parts: "Sequence[VisitDifferences]", *, known: bool) -> "VisitDifferences":
-        """Those of all parts, in their order; known: whether all axes scatter in any of them."""
+        """Those of all parts, in their order; known: whether any axis scatters in any of them."""
         count = np.concatenate([p.count for p in parts])
         square, middle, product = (
             np.concatenate([getattr(p, n) for p in parts]) for n in ("square", "middle", "product")
@@ -205,7 +217,7 @@ def visit_differences(reading: Floats, visit: NDArray[np.intp], sigma: Floats) -
     """
     visits = int(visit.max()) + 1 if len(visit) else 0
     near, of = _differences(reading, visit)
-    known = not bool(np.any(sigma <= 0))
+    known = bool(np.any(sigma > 0))
     signed = near / np.where(sigma > 0, sigma, 1.0)
     count = np.bincount(of, minlength=visits)
     ratio = np.abs(signed)
