@@ -56,6 +56,17 @@ def test_too_little_is_one_sentence(
     assert shown.count("\n") == 1
 
 
+def test_units_of_one_visit_each_are_told_so(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(tmp_path / "each.csv", list(UP)[:3], 50, 1e-3, rng)
+    rows = pd.read_csv(path)
+    rows.assign(unit=[f"SN000{visit}" for visit in rows["visit"]], visit=0).to_csv(path, index=False)
+    code, shown = diagnosed(path, capsys)
+    assert (code, shown.count("\n")) == (2, 1)
+    assert "Each of the 3 units has one visit" in shown
+
+
 @pytest.mark.parametrize(("positions", "rows"), [(list(UP)[:2], 100), (list(UP), 1), (list(UP), 3)])
 def test_little_more_names_nothing_and_says_what_it_could_not_test(
     positions: list[str], rows: int, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]

@@ -118,6 +118,9 @@ def _location(table: SampleTable, row: int) -> dict[str, str | int]:
 def _check_visit_count(recipe: Recipe, table: SampleTable, first: NDArray[np.intp]) -> None:
     if len(first) < 2 and not stays.recut(recipe, table).stretches > 1:
         raise SamplesError("samples-of-one-visit", rows=len(table))
+    units = len(np.unique(table.unit.code))
+    if len(first) == units and not stays.recut(recipe, table).stretches > units:
+        raise SamplesError("units-of-one-visit", units=units)
 
 
 def _check_one_position_per_visit(table: SampleTable, first: NDArray[np.intp]) -> None:
