@@ -90,3 +90,23 @@ def test_a_clock_that_counts_one_by_one_through_less_than_seconds_counts_reading
     assert len(y) < 4000
     check(understood(capsys, saved(tmp_path / "a.csv", rows, header="Timestamp,ax,ay,az")), time_unit="none", poses=8)
     check(understood(capsys, saved(tmp_path / "b.csv", rows, header="Time_ms,ax,ay,az"), "--raw"), time_unit="ms")
+
+
+def test_a_quaternion_without_a_name_is_no_compass(rng: np.random.Generator, tmp_path: Path, capsys: Capture) -> None:
+    """An armband's stream: stamp, quaternion, acceleration and turn rate, all of them counts."""
+    y = tumble(rng)
+    turn = np.cumsum(rng.standard_normal((len(y), 4)), axis=0) / 20
+    turn /= np.linalg.norm(turn, axis=1)[:, None]
+    counts = np.round(np.c_[16384 * turn, 2048 * y, 40 * rng.standard_normal(y.shape)])
+    rows = np.c_[1665978419.5 + np.arange(len(y)) / 100, counts]
+    one = understood(capsys, saved(tmp_path / "raw_imu.csv", rows, "%.3f"))
+    check(one, axes=["column 5", "column 6", "column 7"], scale=1 / 2048, poses=8)
+
+
+def test_turn_rates_without_stamps_that_are_few_have_no_clock(
+    rng: np.random.Generator, tmp_path: Path, capsys: Capture
+) -> None:
+    path = saved(tmp_path / "gyro.txt", rng.standard_normal((250, 3)))
+    error = refused(capsys, path)
+    assert "without stamps" in error
+    assert "by its clock" not in error

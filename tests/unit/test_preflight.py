@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station.diagnosis.data import family, preflight
+from station.diagnosis.data.reduce import reduce_samples
 from station.domain.capture.sample_rate import rate_of
 from station.domain.core.types import Floats, Labels, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -289,3 +290,11 @@ def test_each_value_is_found_once_on_a_grid_or_beside_it(
 ) -> None:
     values = step * (np.array(codes) + (0.0 if on_grid else np.array(beside[: len(codes)]))) + 0.3
     np.testing.assert_array_equal(distinct(values), np.unique(values))
+
+
+def test_blocks_of_few_slow_readings_begin_no_sooner_than_the_unit_arrived(rng: np.random.Generator) -> None:
+    """Readings a quarter of a minute apart: what fades in 30 ms was larger by e²⁰⁰ before the first of them."""
+    reduced = reduce_samples(by_hand(rate_hz=1 / 15), table(still(rng, samples=60), 24, rate_hz=1 / 15))
+    since = reduced.fine.since_arrival_s
+    assert since is not None
+    assert since.min() >= 0

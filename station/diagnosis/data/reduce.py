@@ -382,6 +382,9 @@ def _fine(scene: Scene, late: Floats, spread: Floats) -> Scene:
     clocks = ("time_s", "since_arrival_s", "since_power_s", "since_clamp_s")
     rows = {k: getattr(scene, k) for k in ("time_s", *COVARIATES)}
     moved: dict[str, Any] = {k: x[visit] + (later if k in clocks else 0.0) for k, x in rows.items() if x is not None}
+    if "since_arrival_s" in moved:
+        # Of a block of two readings the first node lies before them; nothing that fades on arrival was larger before.
+        moved["since_arrival_s"] = np.maximum(moved["since_arrival_s"], 0.0)
     if scene.temperature_degC is not None and scene.temperature_rate is not None:
         moved["temperature_degC"] = moved["temperature_degC"] + scene.temperature_rate[visit] * later
         moved["temperature_rate"] = moved["temperature_rate"] + _rate_change(scene)[visit] * later

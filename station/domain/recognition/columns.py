@@ -9,7 +9,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from station.domain.core.types import Array, Floats
-from station.domain.recognition import axis_names, temperatures, time_column, visits
+from station.domain.recognition import axis_names, quaternions, temperatures, time_column, visits
 from station.domain.recognition.quantities import (
     QUANTITIES,
     Quantity,
@@ -141,6 +141,7 @@ def _axes(table: RawTable, quantity: Quantity, assigned: set[int | None]) -> tup
             "no-axes-of-quantity", file=table.source, unit=quantity.unit, found=_names(table, ranked[0][1])
         )
     free = _filled(table, [i for i in table.numeric() if i not in assigned and not _is_other(table, i)])
+    free = quaternions.without_them(table, free)
     if len(free) < 3:
         raise SamplesError("no-three-axes", file=table.source, columns=", ".join(c.name for c in table.columns[:12]))
     runs = [(free[i], free[i + 1], free[i + 2]) for i in range(len(free) - 2)]

@@ -184,8 +184,14 @@ def _a_reading_each(recording: Recording) -> Visits:
 
 
 def _rest(recording: Recording) -> NDArray[np.int64]:
-    with naming_file(recording.source):
-        edges = _edges(recording)
+    try:
+        with naming_file(recording.source):
+            edges = _edges(recording)
+    except SamplesError:
+        if recording.clock.source != "assumed":
+            raise
+        few, rate_hz = len(recording), recording.clock.rate_hz
+        raise SamplesError("unstamped-too-short", file=recording.source, readings=few, rate_hz=rate_hz) from None
     if recording.unit == "deg/s":
         _check_turn_rate(recording, edges)
         return edges
