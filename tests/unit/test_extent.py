@@ -30,7 +30,8 @@ def six_faces(acts: Floats) -> ScoringProblem:
     """Six faces by six units, whose gains differ from side to side where they act (units, 3)."""
     recipe = load_recipe("six-point")
     table = simulate(SimulationJob(recipe, tuple(f"SN{i}" for i in range(UNITS)), seed=11)).table
-    coefficient = SIZE * np.random.default_rng(2).standard_normal((UNITS, 3)) * acts
+    # Alike everywhere but for the sign: of sizes drawn at random one unit may have nearly all.
+    coefficient = SIZE * np.random.default_rng(2).choice([-1.0, 1.0], (UNITS, 3)) * acts
     reading = table.reading + coefficient[table.unit.code] * np.abs(table.reading)
     return initial_problem(reduce_samples(recipe, replace(table, reading=reading)), FloorAllowance.of(recipe, Model()))
 
