@@ -33,8 +33,8 @@ from tests.blind.inspection import diagnosis_of, null_of
 from tests.blind.recipes import recipe
 
 LSB = 1e-5
-#: Steps of a quarter of a sample's noise.
-COARSE_LSB = 2e-4
+#: Bound of a sample's scatter where none is an outlier, whatever noise a portion shows by itself.
+BOUND = 7e-4
 
 
 def stepping_by(lsb: float) -> Recipe:
@@ -43,15 +43,27 @@ def stepping_by(lsb: float) -> Recipe:
     )
 
 
-RECIPE, COARSE = stepping_by(LSB), stepping_by(COARSE_LSB)
+RECIPE = stepping_by(LSB)
 
 
-def table(units: int = 3, hidden: Any = None, seed: int = 5, lsb: float = LSB) -> SampleTable:
+def table(units: int = 3, hidden: Any = None, seed: int = 5) -> SampleTable:
     """Units on a grid, whose counters run on while they are moved."""
     made, _ = hide(RECIPE, hidden, seed, units=units)
     counter = np.floor(made.time_s * RECIPE.device.rate_hz + 0.25).astype(np.int64) % 256
-    grid = np.round(made.reading / lsb) * lsb
+    grid = np.round(made.reading / LSB) * LSB
     return replace(made, reading=grid, values={**made.values, "counter": counter.astype(float)})
+
+
+def bounded_table(hidden: Any = None) -> SampleTable:
+    """The same with a scatter in bounds about the mean of each visit."""
+    made = table(hidden=hidden)
+    visit = np.cumsum(np.diff(made.visit, prepend=-1) != 0) - 1
+    mean = np.stack([np.bincount(visit, column) for column in made.reading.T], axis=1) / np.bincount(visit)[:, None]
+    # In pairs that cancel, so that the mean of a block is hardly off that of its visit.
+    scatter = np.repeat(np.random.default_rng(11).uniform(-BOUND, BOUND, ((len(made) + 1) // 2, 3)), 2, axis=0)
+    scatter[1::2] *= -1
+    scatter = scatter[: len(made)]
+    return replace(made, reading=np.round((mean[visit] + scatter) / LSB) * LSB)
 
 
 def by_unit(made: SampleTable) -> Callable[[], Iterator[SampleTable]]:
@@ -65,38 +77,36 @@ def reduced(made: SampleTable, of: Recipe = RECIPE) -> PortionedTable:
     return found
 
 
-def same(one: Any, two: Any, robust: float = 0.0) -> None:
-    """Every array of two frozen values, to rounding; robust means, that may differ by which samples are outliers by a
-    portion's own noise, by so much at the most."""
+def same(one: Any, two: Any) -> None:
+    """Every array of two frozen values, to rounding."""
     for field in fields(one):
         a, b = (getattr(x, field.name) for x in (one, two))
         if hasattr(a, "__dataclass_fields__"):
-            same(a, b, robust)
+            same(a, b)
         elif isinstance(a, np.ndarray | float):
             scale = float(np.max(np.abs(b), initial=0.0, where=np.isfinite(b)))
-            # Contrasts are in noises of a sample, of which one visit has fifty.
-            near = max(1e-12 * scale, robust * {"mean": 1.0, "contrast": 50.0}.get(field.name, 0.0))
-            np.testing.assert_allclose(a, b, rtol=1e-3 if robust else 1e-9, atol=near, err_msg=field.name)
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12 * scale, err_msg=field.name)
         else:
             assert a == b or not isinstance(a, str | int | tuple), field.name
 
 
 def test_portions_come_to_what_the_whole_table_does() -> None:
     """One visit moves and is left out; one axis of a stop is noisier than all others."""
-    made = table(lsb=COARSE_LSB)
+    made = bounded_table()
     moved = (made.unit.code == 1) & (made.run == 0) & (made.visit == 4)
     noisy = (made.unit.code == 2) & (made.run == 1) & (made.visit == 7)
-    rng = np.random.default_rng(3)
     shaken = made.reading + moved[:, None] * np.linspace(0, 0.4, len(made))[:, None] * np.array([0.0, 1.0, 0.0])
     shaken[moved, 1] += np.linspace(0, 0.5, int(moved.sum()))
-    shaken[noisy, 2] += COARSE_LSB * np.round(50 * rng.standard_normal(int(noisy.sum())))
+    # To and fro: differences show noise, and no sample is an outlier.
+    to_and_fro = 1.45 * BOUND * (-1.0) ** np.arange(int(noisy.sum()))
+    shaken[noisy, 2] = np.round((np.mean(shaken[noisy, 2]) + to_and_fro) / LSB) * LSB
     made = replace(made, reading=shaken)
-    checked, used = preflight.inspect(COARSE, made)
-    whole = preflight.with_sheet(COARSE, checked)
+    checked, used = preflight.inspect(RECIPE, made)
+    whole = preflight.with_sheet(RECIPE, checked)
     inspected = inspect(whole, used.used())
     assert not inspected.faults and len(checked.left_out) == 1
-    found = reduced(made, COARSE)
-    same(found.reduced, reduce_samples(whole, inspected.table), robust=COARSE_LSB / 4)
+    found = reduced(made, RECIPE)
+    same(found.reduced, reduce_samples(whole, inspected.table))
     assert np.any(found.reduced.excess != 1.0)
     assert found.inspection.undetectable == inspected.undetectable
     assert _places(found.preflight) == _places(checked)
@@ -122,16 +132,14 @@ def _places(found: preflight.Preflight) -> list[tuple[str, int, int]]:
 
 
 def test_a_cause_is_the_same_in_portions() -> None:
-    made = table(3, KNOWN["hysteresis"], lsb=COARSE_LSB)
-    whole, found = diagnosis_of(COARSE, made), reduced(made, COARSE)
+    made = bounded_table(KNOWN["hysteresis"])
+    whole, found = diagnosis_of(RECIPE, made), reduced(made, RECIPE)
     inspected = found.inspection
-    apart = diagnose_reduced(COARSE, inspected.samples, inspected, found.reduced, Model(), null_of)
+    apart = diagnose_reduced(RECIPE, inspected.samples, inspected, found.reduced, Model(), null_of)
     assert [c.finding.name for c in apart.causes] == [c.finding.name for c in whole.causes] == ["hysteresis"]
     assert (apart.verdict, apart.not_testable) == (whole.verdict, whole.not_testable)
-    # By what a portion's own noise makes an outlier: a hundredth of a standard error, a quarter of a nat.
-    near = (1e-6, 1e-7, 0.02, 0.25, 0.25, 1e-6)
-    for one, two, within in zip(_numbers(apart), _numbers(whole), near, strict=True):
-        np.testing.assert_allclose(one, two, rtol=0.02, atol=within)
+    for one, two in zip(_numbers(apart), _numbers(whole), strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-9)
 
 
 def test_units_whose_rows_do_not_stand_together_are_seen_together() -> None:
