@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from station.diagnosis.candidates.bank import FLOOR_CAUSES, cause_library
-from station.diagnosis.data.reduce import reduce_samples, visit_means
+from station.diagnosis.data.reduce import reduce_samples
+from station.diagnosis.data.visit_means import visit_means
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.bench import WarmingBench, bench_of, warming_bench_of
 from station.diagnosis.planning.chance import SimulatedChance

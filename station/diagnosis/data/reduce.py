@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from station.diagnosis.data.arrivals import chance_of_early, pieces_of_dwells
 from station.diagnosis.data.contrast_noise import ContrastNoise, contrast_noise, without_bumps
-from station.diagnosis.data.missing_axes import with_noise_on_missing
+from station.diagnosis.data.missing_axes import noise_of_all, with_noise_on_missing
 from station.diagnosis.data.ringing import Ringing, find_ringings
+from station.diagnosis.data.visit_means import visit_means
 from station.diagnosis.data.visit_noise import VisitDifferences, axis_noise, sample_noise, visit_differences
 from station.domain.core.types import Array, Floats, SampleTable
 from station.domain.recipe.recipe import Recipe
@@ -239,7 +240,7 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         mean,
         without_bumps(contrast, sigma),
         count,
-        float(np.sqrt(np.mean(sigma[sigma > 0] ** 2))) if np.any(sigma > 0) else 0.0,
+        noise_of_all(sigma),
         rate_error,
         degC_error,
         axes,
@@ -248,26 +249,6 @@ def join_parts(recipe: Recipe, means: SampleTable, parts: Sequence[ReducedPart],
         axis_correlation=differences.correlation(),
         read_degC=means.values.get("temperature_degC"),
         early_chance=chance_of_early(np.concatenate([p.pieces for p in parts]), mean, scene),
-    )
-
-
-def visit_means(table: SampleTable, visit: NDArray[np.intp]) -> SampleTable:
-    """One row a visit, with what all of its rows say and the means of its numbers; visit (n) of each row."""
-    first = np.unique(visit, return_index=True)[1]
-    count = np.bincount(visit)
-
-    def mean(values: Floats) -> Floats:
-        return np.asarray(np.bincount(visit, values) / count)
-
-    def means(rows: Floats) -> Floats:
-        return np.stack([mean(column) for column in rows.T], axis=1)
-
-    return replace(
-        table[first],
-        time_s=mean(table.time_s),
-        reading=means(table.reading),
-        values={name: mean(values) for name, values in table.values.items() if name in COVARIATES},
-        gold=None if table.gold is None else means(table.gold),
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from station.diagnosis.data.reduce import visit_means
+from station.diagnosis.data.visit_means import visit_means
 from station.diagnosis.data.visit_noise import MAD_PER_SIGMA
 from station.diagnosis.linear.noise_floor import NoiseFloor
 from station.diagnosis.planning.bench import WarmingBench, warming_bench_of
