@@ -106,6 +106,17 @@ def test_spins_exchanged_are_left_out_whatever_their_unit(rng: np.random.Generat
     assert [one.of for one in found.left_out] == ["visit:SN1/1/0", "visit:SN1/1/3"]
 
 
+@pytest.mark.parametrize("visit", [0, 3])
+def test_one_face_turned_over_has_a_gain_of_its_own(rng: np.random.Generator, visit: int) -> None:
+    """One visit, of which one axis reads another number: its halves say so apart."""
+    made = table(rng)
+    found, _ = preflight.inspect(RECIPE, called(made, 0, 1, {visit: visit + (1 if visit % 2 == 0 else -1)}))
+    (fault,) = found.faults
+    assert fault.gain is not None
+    assert fault.gain.accepted
+    assert fault.nats > 100
+
+
 def test_the_angle_turns_the_part_to_where_it_reads(rng: np.random.Generator) -> None:
     """As the effect turns it: the reading of the position called is that of the other."""
     made = called(table(rng), 0, 1, {2: 5, 3: 2})

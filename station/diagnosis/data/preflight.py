@@ -196,7 +196,7 @@ def _elsewhere(
         lost = (*(each for each in lost if each.of != one.of), one)
     if gone.all():
         raise SamplesError("no-visit-as-called", reason=lost[-1].reason)
-    return gone, lost, (visit_places.as_cause(table, mean, found),)
+    return gone, lost, (visit_places.as_cause(table, found),)
 
 
 def in_order(table: SampleTable) -> SampleTable:

@@ -130,10 +130,9 @@ def _mapping(called: Floats, read: Floats) -> Floats | None:
     return np.asarray(found[:3].T) if np.linalg.norm(left, axis=1).max() < MAPPED else None
 
 
-def as_cause(table: SampleTable, mean: Floats, found: list[MisplacedVisit]) -> GrossFault:
-    """Visits that read as another position, as the cause that they are. mean (v, 3): readings of the visits of a table
-    in order."""
-    begin, _ = visit_boundaries(table)
+def as_cause(table: SampleTable, found: list[MisplacedVisit]) -> GrossFault:
+    """Visits of a table in order that read as another position, as the cause that they are."""
+    begin, end = visit_boundaries(table)
     places = [where_is(table, int(begin[one.visit])) for one in found]
     labels = [f"visit:{at['serial']}/{at['run']}/{at['visit']}" for at in places]
     numbers = tuple(
@@ -142,19 +141,26 @@ def as_cause(table: SampleTable, mean: Floats, found: list[MisplacedVisit]) -> G
         for i, axis in enumerate("xyz")
     )
     sentence = f"{len(found)} of {len(begin)} visits read as another position than they are called"
-    gain = _gain(np.array([mean[one.visit] for one in found]), found)
+    gain = _gain([table.reading[begin[one.visit] : end[one.visit]] for one in found], found)
     return GrossFault("disturbed-visit", "visit", numbers, sentence, gain.total if gain else 0.0, gain=gain)
 
 
-def _gain(mean: Floats, found: list[MisplacedVisit]) -> BlockGain | None:
-    """By how much likelier readings (k, 3) are of the other positions than of those stated, axis by axis; nothing is
-    fitted to them."""
-    called, other = (np.array([getattr(one, name) for one in found]) for name in ("called", "other"))
-    before, after = mean - called, mean - other
+def _gain(readings: list[Floats], found: list[MisplacedVisit]) -> BlockGain | None:
+    """By how much likelier readings (n, 3) of each visit are of the other position than of the one stated, by the means
+    of its halves, axis by axis; nothing is fitted to them. None of one visit of one reading."""
+    halves = [(one, part.mean(axis=0)) for one, own in zip(found, readings, strict=True) for part in _halves(own)]
+    called, other = (np.array([getattr(one, name) for one, _ in halves]) for name in ("called", "other"))
+    read = np.array([mean for _, mean in halves])
+    before, after = read - called, read - other
     std = ANGLE_STD * max(float(np.linalg.norm([called, other], axis=2).max()), 1e-300)
-    scores, moved = 0.5 * (before**2 - after**2) / std**2, np.abs(called - other) > std
+    # The halves share the sensor's own offset and gain: both together count once.
+    scores, moved = 0.25 * (before**2 - after**2) / std**2, np.abs(called - other) > std
     rms = float(np.sqrt(np.mean(before**2))), float(np.sqrt(np.mean(after**2)))
     return block_gain(scores[moved], np.ones(np.count_nonzero(moved)), None, "visit", rms)
+
+
+def _halves(own: Floats) -> list[Floats]:
+    return [part for part in np.array_split(own, 2) if len(part)]
 
 
 def _turn(read: Floats, called: Floats) -> Floats:
